@@ -1,0 +1,74 @@
+# Everything happens in the virtual environment $(VENV); it is made, and filled anew when pyproject.toml has changed, as needed.
+# Another interpreter: make PYTHON=python3.13 front. Another place: make VENV=/somewhere front.
+
+PYTHON ?= python3
+VENV ?= .venv
+FIRST_RUN ?= runs/first
+WORKERS ?= 2
+
+BIN = $(VENV)/bin
+PIP = $(BIN)/python -m pip --disable-pip-version-check
+INSTALL = $(PIP) install --quiet --prefer-binary
+# A file stays on one worker, so what its tests share is computed once.
+PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
+
+# One thread: the results repeat bit by bit, and the workers do not fight for the cores.
+export OPENBLAS_NUM_THREADS = 1
+
+.NOTPARALLEL:
+.DELETE_ON_ERROR:
+.PHONY: help front test test-slow coverage lint clean
+
+help:
+	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
+	@echo "make test       install with the test tools, run the default tests"
+	@echo "make test-slow  the slow tests"
+	@echo "make coverage   all tests, with their coverage"
+	@echo "make lint       ruff, and mypy on the installed package"
+	@echo "make clean      remove $(VENV), builds and caches; runs/ stays"
+
+# --force replaces the front of an earlier `make front`, which the command refuses on its own.
+front: $(VENV)/.installed
+	$(BIN)/ocp-traj pareto hybrid-spline --objectives time,energy -o $(FIRST_RUN)$(if $(wildcard $(FIRST_RUN)), --force)
+
+test: $(VENV)/.installed-dev
+	$(PYTEST)
+
+test-slow: $(VENV)/.installed-dev
+	$(PYTEST) -m slow
+
+coverage: $(VENV)/.installed-dev
+	$(PYTEST) -m "" --cov
+
+# mypy reads the package as a user gets it. `build/` would bring back modules deleted since the last build.
+lint: $(VENV)/.installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	rm -rf build $(VENV)/plain
+	$(INSTALL) --no-deps --target $(VENV)/plain .
+	cd $(VENV)/plain && ../bin/python -m mypy --config-file "$(CURDIR)/pyproject.toml" --cache-dir ../mypy_cache -p ocp_traj
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .coverage .coverage.* coverage.xml htmlcov
+	find ocp_traj problems solvers tests -type d -name __pycache__ -prune -exec rm -rf {} +
+
+$(VENV)/.installed: pyproject.toml $(VENV)/.made
+	@echo "Installing ocp-traj and what it needs into $(VENV): about 0.4 GB to fetch, once ..."
+	$(INSTALL) --editable .
+	@touch $@
+
+$(VENV)/.installed-dev: pyproject.toml $(VENV)/.made
+	@echo "Installing ocp-traj, what it needs and the test tools into $(VENV): about 0.5 GB to fetch, once ..."
+	$(INSTALL) --editable ".[dev]"
+	@touch $(VENV)/.installed $@
+
+$(VENV)/.made:
+	@command -v $(PYTHON) >/dev/null \
+	  || { echo "$(PYTHON) is not there; install it (apt-get install python3 python3-venv) or name another: make PYTHON=..." >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "ocp-traj needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) -V 2>&1). Name another: make PYTHON=..." >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null \
+	  || { echo "$(PYTHON) cannot make a virtual environment: it lacks ensurepip." >&2; \
+	       echo "On Debian and Ubuntu: apt-get install python3-venv (or python3.X-venv for another interpreter), then again." >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	@touch $@

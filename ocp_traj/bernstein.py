@@ -1,0 +1,289 @@
+"""Piecewise polynomial curves in Bernstein form, numeric and symbolic alike.
+
+On segment k, of duration T_k and degree n_k, with local time u in [0, 1]:
+
+    q(u) = sum_i C(n_k, i) u^i (1 - u)^(n_k - i) P_i
+
+The control points of every derivative (the hodographs), exact extrema, hull bounds, splitting and degree elevation
+are written here once; Farin, *Curves and Surfaces for CAGD* (2002), chapters 4 and 5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import comb, factorial
+from typing import Any
+
+import casadi
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import BPoly, PPoly
+
+from ocp_traj.errors import InputError, ProblemDefinitionError
+
+Array = NDArray[np.float64]
+Points = Any  # a (n + 1, dof) matrix of control points: numpy.ndarray or casadi.SX
+
+
+def basis(degree: int, u: Any) -> Any:
+    """Bernstein basis B_i(u) = C(n, i) u^i (1 - u)^(n - i), one row an instant.
+
+    Args:
+        degree: n.
+        u: local times ``(N,)``: numbers, or a casadi column vector.
+
+    Returns:
+        ``(N, n + 1)``, of the same kind as ``u``.
+    """
+    if isinstance(u, casadi.SX | casadi.MX):
+        one = u**0
+        powers = [
+            comb(degree, i) * u**i * (1 - u) ** (degree - i) if 0 < i < degree else None for i in range(degree + 1)
+        ]
+        powers[0] = (1 - u) ** degree if degree else one
+        powers[-1] = u**degree if degree else one
+        return casadi.horzcat(*powers)
+    instants = np.atleast_1d(np.asarray(u, dtype=float))
+    return np.stack(
+        [comb(degree, i) * instants**i * (1.0 - instants) ** (degree - i) for i in range(degree + 1)], axis=1
+    )
+
+
+def product(matrix: Any, points: Points) -> Any:
+    """Matrix product of numbers or expressions; CasADi and NumPy do not share an operator for it."""
+    if isinstance(matrix, np.ndarray) and isinstance(points, np.ndarray):
+        return matrix @ points
+    return casadi.mtimes(casadi.SX(matrix), casadi.SX(points))
+
+
+def difference_matrix(degree: int, order: int) -> Array:
+    """Maps control points to those of the derivative for a unit duration: n!/(n - m)! Delta^m, ``(n - m + 1, n + 1)``."""
+    if order > degree:
+        return np.zeros((1, degree + 1))
+    delta = np.diff(np.eye(degree + 1), n=order, axis=0) if order else np.eye(degree + 1)
+    return delta * (factorial(degree) / factorial(degree - order))
+
+
+def elevation_matrix(degree: int, to_degree: int) -> Array:
+    """Maps control points of degree n to those of the same curve at a higher degree; Farin (2002), sect. 6.1."""
+    matrix = np.eye(degree + 1)
+    for n in range(degree, to_degree):
+        step = np.zeros((n + 2, n + 1))
+        for i in range(n + 2):
+            if i > 0:
+                step[i, i - 1] = i / (n + 1)
+            if i <= n:
+                step[i, i] = 1.0 - i / (n + 1)
+        matrix = step @ matrix
+    return matrix
+
+
+def subdivision_matrix(degree: int, a: float, b: float) -> Array:
+    """Maps control points to those of the sub-arc [a, b] (blossoming; Farin 2002, sect. 4.6), ``(n + 1, n + 1)``."""
+    rows = []
+    for i in range(degree + 1):
+        # Row i is the blossom with i arguments b and n - i arguments a: de Casteljau on the identity.
+        weights = np.eye(degree + 1)
+        for argument in [b] * i + [a] * (degree - i):
+            weights = (1.0 - argument) * weights[:-1] + argument * weights[1:]
+        rows.append(weights[0])
+    return np.array(rows)
+
+
+@dataclass(frozen=True)
+class Extremum:
+    """Largest and smallest value of one joint's curve over all segments, each with its instant."""
+
+    lower: float
+    lower_time: float
+    upper: float
+    upper_time: float
+
+
+@dataclass(frozen=True, eq=False)
+class PiecewiseBezier:
+    """A curve of K Bezier segments through joint space.
+
+    Attributes:
+        durations: T_k > 0 [s], ``(K,)``: numbers, or a casadi column.
+        control_points: per segment ``(n_k + 1, dof)``, joint units; all numeric or any of them symbolic.
+    """
+
+    durations: Any
+    control_points: tuple[Points, ...]
+
+    def __post_init__(self) -> None:
+        """Checks shapes, and, where numeric, that durations are positive and all numbers finite."""
+        if isinstance(self.durations, list | tuple):
+            symbolic = any(isinstance(d, casadi.SX | casadi.MX) for d in self.durations)
+            object.__setattr__(
+                self,
+                "durations",
+                casadi.vertcat(*self.durations) if symbolic else np.array(self.durations, dtype=float),
+            )
+        object.__setattr__(self, "control_points", tuple(self.control_points))
+        if not self.control_points or self.durations.shape[0] != len(self.control_points):
+            raise ProblemDefinitionError(
+                f"a curve needs one duration per segment: {self.durations.shape[0]} durations, {len(self.control_points)} segments"
+            )
+        widths = {points.shape[1] for points in self.control_points}
+        if len(widths) != 1:
+            raise ProblemDefinitionError(f"every segment needs the same number of joints; got {sorted(widths)}")
+        if isinstance(self.durations, np.ndarray) and not (np.isfinite(self.durations) & (self.durations > 0)).all():
+            raise ProblemDefinitionError(f"durations must be positive and finite; got {self.durations.tolist()}")
+        for k, points in enumerate(self.control_points):
+            if isinstance(points, np.ndarray) and not np.isfinite(points).all():
+                raise ProblemDefinitionError(f"control points of segment {k} are not all finite")
+
+    @property
+    def segments(self) -> int:
+        """Number of segments K."""
+        return len(self.control_points)
+
+    @property
+    def dof(self) -> int:
+        """Number of joints."""
+        return int(self.control_points[0].shape[1])
+
+    @property
+    def degrees(self) -> tuple[int, ...]:
+        """Polynomial degree of each segment."""
+        return tuple(points.shape[0] - 1 for points in self.control_points)
+
+    @property
+    def duration(self) -> Any:
+        """Total time [s]: a number, or an expression."""
+        return self.durations.sum() if isinstance(self.durations, np.ndarray) else casadi.sum1(self.durations)
+
+    @cached_property
+    def knots(self) -> Array:
+        """Times of the K + 1 knots [s]; numeric curves only."""
+        return np.concatenate([[0.0], np.cumsum(self.durations)])
+
+    def derivative(self, order: int = 1) -> PiecewiseBezier:
+        """The curve of the order-th time derivative; P'_i = n (P_{i+1} - P_i) / T, Farin (2002), eq. 5.3."""
+        return PiecewiseBezier(self.durations, tuple(self.hodograph(k, order) for k in range(self.segments)))
+
+    def hodograph(self, segment: int, order: int) -> Points:
+        """Control points of the order-th time derivative on one segment, ``(max(n - order, 0) + 1, dof)``."""
+        points = self.control_points[segment]
+        if order == 0:
+            return points
+        return product(difference_matrix(points.shape[0] - 1, order), points) / self.durations[segment] ** order
+
+    def at(self, segment: int, u: Any, order: int = 0) -> Any:
+        """Values of the order-th derivative on one segment at local times ``u (N,)``: ``(N, dof)``."""
+        points = self.hodograph(segment, order)
+        return product(basis(points.shape[0] - 1, u), points)
+
+    def locate(self, t: ArrayLike) -> tuple[NDArray[np.intp], Array]:
+        """Segment and local time u of each time ``t (N,)`` [s]; a knot belongs to the segment it starts."""
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        slack = (
+            1e-9 * self.knots[-1]
+        )  # our choice: what rounding of a sum of durations can do, and far below any duration
+        if times.size and not ((times >= -slack) & (times <= self.knots[-1] + slack)).all():
+            raise InputError(
+                f"times must lie in [0, {self.knots[-1]:.9g}] s; got {times.min():.9g} to {times.max():.9g}"
+            )
+        segment = np.clip(np.searchsorted(self.knots, times, side="right") - 1, 0, self.segments - 1)
+        return segment, np.clip((times - self.knots[segment]) / self.durations[segment], 0.0, 1.0)
+
+    def __call__(self, t: ArrayLike, order: int = 0) -> Array:
+        """Values of the order-th derivative at times ``t (N,)`` [s]: ``(N, dof)``; numeric curves only."""
+        segment, u = self.locate(t)
+        values = np.empty((len(u), self.dof))
+        for k in np.unique(segment):
+            values[segment == k] = self.at(int(k), u[segment == k], order)
+        return values
+
+    def restrict(self, segment: int, a: float, b: float) -> Points:
+        """Control points of the sub-arc u in [a, b] of one segment."""
+        points = self.control_points[segment]
+        return product(subdivision_matrix(points.shape[0] - 1, a, b), points)
+
+    def split(self, segment: int, u: float) -> PiecewiseBezier:
+        """The same curve with one segment cut in two at local time ``0 < u < 1``."""
+        if not 0.0 < u < 1.0:
+            raise InputError(f"a segment is split inside it, 0 < u < 1; got {u}")
+        halves = (self.restrict(segment, 0.0, u), self.restrict(segment, u, 1.0))
+        times = [self.durations[k] for k in range(self.segments)]
+        times[segment : segment + 1] = [u * times[segment], (1.0 - u) * times[segment]]
+        return PiecewiseBezier(times, (*self.control_points[:segment], *halves, *self.control_points[segment + 1 :]))
+
+    def elevate(self, degree: int) -> PiecewiseBezier:
+        """The same curve with every segment written at ``degree``, which is at least the largest of ``degrees``."""
+        if degree < max(self.degrees):
+            raise InputError(f"degree elevation goes up: {degree} is below {max(self.degrees)}")
+        raised = (
+            product(elevation_matrix(n, degree), p) for n, p in zip(self.degrees, self.control_points, strict=True)
+        )
+        return PiecewiseBezier(self.durations, tuple(raised))
+
+    def dilate(self, factor: float) -> PiecewiseBezier:
+        """The same path, ``factor`` times slower: the m-th derivative falls as factor^-m."""
+        return PiecewiseBezier(self.durations * factor, self.control_points)
+
+    def hull(self, order: int = 0) -> tuple[Array, Array]:
+        """Bounds of the order-th derivative by its control points: lower and upper, ``(K, dof)`` each."""
+        hodographs = [self.hodograph(k, order) for k in range(self.segments)]
+        return np.array([p.min(axis=0) for p in hodographs]), np.array([p.max(axis=0) for p in hodographs])
+
+    def extrema(self, order: int = 0) -> tuple[Extremum, ...]:
+        """Exact extrema of the order-th derivative, one per joint: ends of segments and roots of the next derivative."""
+        candidates: list[tuple[Array, Array]] = []  # (times (M, dof), values (M, dof)); NaN where there is no root
+        for k in range(self.segments):
+            points = self.hodograph(k, order)
+            u = np.concatenate([np.zeros((1, self.dof)), np.ones((1, self.dof)), _stationary(points)])
+            values = np.stack([basis(len(points) - 1, u[:, j]) @ points[:, j] for j in range(self.dof)], axis=1)
+            candidates.append((self.knots[k] + u * self.durations[k], values))
+        times, values = (np.concatenate(parts) for parts in zip(*candidates, strict=True))
+        low, high = np.nanargmin(values, axis=0), np.nanargmax(values, axis=0)
+        return tuple(
+            Extremum(
+                float(values[low[j], j]), float(times[low[j], j]), float(values[high[j], j]), float(times[high[j], j])
+            )
+            for j in range(self.dof)
+        )
+
+    def jump(self, order: int = 0) -> Array:
+        """Difference of the order-th derivative across each inner knot, right minus left: ``(K - 1, dof)``."""
+        hodographs = [self.hodograph(k, order) for k in range(self.segments)]
+        pairs = zip(hodographs[:-1], hodographs[1:], strict=True)
+        return np.array([right[0] - left[-1] for left, right in pairs]).reshape(-1, self.dof)
+
+    def to_bpoly(self) -> BPoly:
+        """As scipy's ``BPoly`` over the knots (all segments at the highest degree)."""
+        raised = self.elevate(max(self.degrees))
+        return BPoly(np.stack(raised.control_points, axis=1), self.knots, extrapolate=False)
+
+    @classmethod
+    def from_bpoly(cls, bpoly: BPoly) -> PiecewiseBezier:
+        """From scipy's ``BPoly``, whose coefficients are ``(n + 1, K, dof)`` or ``(n + 1, K)``; time restarts at 0."""
+        coefficients = bpoly.c if bpoly.c.ndim == 3 else bpoly.c[:, :, None]
+        return cls(np.diff(bpoly.x), tuple(coefficients[:, k, :] for k in range(coefficients.shape[1])))
+
+    @classmethod
+    def from_ppoly(cls, ppoly: PPoly) -> PiecewiseBezier:
+        """From scipy's ``PPoly`` (so from ``CubicSpline`` and its kin as well)."""
+        return cls.from_bpoly(BPoly.from_power_basis(ppoly))
+
+
+def _stationary(points: Array) -> Array:
+    """Local times in (0, 1) where each joint's derivative vanishes, ``(n - 1, dof)``, NaN where there are fewer."""
+    degree, dof = points.shape[0] - 1, points.shape[1]
+    roots = np.full((max(degree - 1, 0), dof), np.nan)
+    if degree < 2:
+        return roots
+    derivative = PPoly.from_bernstein_basis(BPoly(np.diff(points, axis=0)[:, None, :], [0.0, 1.0])).c[:, 0, :]
+    for j in range(dof):
+        coefficients = derivative[:, j]
+        size = np.abs(coefficients).max()
+        if size == 0.0:
+            continue  # constant: the ends say it all
+        # Leading coefficients that are rounding noise would only add roots at infinity.
+        found = np.roots(np.where(np.abs(coefficients) < 1e-15 * size, 0.0, coefficients))
+        inside = found.real[(np.abs(found.imag) < 1e-6) & (found.real > 0.0) & (found.real < 1.0)]
+        roots[: len(inside), j] = inside
+    return roots

@@ -1,0 +1,79 @@
+"""The curves the papers build their trajectories from, each returned as a ``PiecewiseBezier``.
+
+Every builder takes numbers or casadi SX alike, so that the curve a solver sees and the curve that is checked are one.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.errors import ProblemDefinitionError
+
+
+def cubic_spline_free_ends(via_points: ArrayLike, intervals: Any) -> PiecewiseBezier:
+    """C2 cubic spline through via points, at rest in velocity and acceleration at both ends.
+
+    Two extra knots, the second and the last but one, have free positions, which is what lets a cubic spline meet four
+    more end conditions: q_2 = q_1 + h_1^2 a_2 / 6 and q_{m-1} = q_m + h_{m-1}^2 a_{m-1} / 6. Guo et al. (2016),
+    sect. 3.2 (and Lin, Chang and Luh, 1983, who introduced it). The knot accelerations a_2 .. a_{m-1} solve one tridiagonal
+    system; its pivots stay positive for positive intervals, so elimination needs no exchange of rows.
+
+    Args:
+        via_points: ``(m - 2, dof)`` with m >= 5, joint units.
+        intervals: h ``(m - 1,)`` [s], numbers or a casadi column.
+
+    Returns:
+        The spline, m - 1 cubic segments over m knots.
+    """
+    points = np.asarray(via_points, dtype=float)
+    count = points.shape[0] + 1  # intervals
+    symbolic = isinstance(intervals, casadi.SX)
+    h = [intervals[i] for i in range(count)] if symbolic else list(np.asarray(intervals, dtype=float))
+    if points.shape[0] < 3 or len(h) != count or (intervals.shape[0] if symbolic else len(intervals)) != count:
+        raise ProblemDefinitionError(
+            f"a spline with free end knots needs at least 3 via points and one interval more; got {points.shape[0]} and {len(h)}"
+        )
+    rows = [casadi.SX(p).T if symbolic else p for p in points]
+    first, last, inner = rows[0], rows[-1], rows[1:-1]
+    slopes = np.diff(points, axis=0)
+    # Secants between the knots whose positions are known; the free knots are substituted below.
+    secants = [0.0 * slopes[0], *slopes, 0.0 * slopes[0]]
+
+    # Row i couples accelerations at knots i, i+1, i+2 (counted from 0): the usual spline condition.
+    lower = [h[i] for i in range(count - 1)]
+    diagonal = [2.0 * (h[i] + h[i + 1]) for i in range(count - 1)]
+    upper = [h[i + 1] for i in range(count - 1)]
+    right = [(casadi.SX(s1).T if symbolic else s1) * (6.0 / h[i + 1]) - (casadi.SX(s0).T if symbolic else s0) * (6.0 / h[i])
+             for i, (s0, s1) in enumerate(zip(secants[:-1], secants[1:], strict=True))]  # fmt: skip
+    # The free knots' displacements h_1^2 a_2 / 6 and h_{m-1}^2 a_{m-1} / 6 move to the left-hand side.
+    diagonal[0] += h[0] + h[0] ** 2 / h[1]
+    lower[1] -= h[0] ** 2 / h[1]
+    diagonal[-1] += h[-1] + h[-1] ** 2 / h[-2]
+    upper[-2] -= h[-1] ** 2 / h[-2]
+
+    for i in range(1, count - 1):
+        factor = lower[i] / diagonal[i - 1]
+        diagonal[i] = diagonal[i] - factor * upper[i - 1]
+        right[i] = right[i] - factor * right[i - 1]
+    acceleration = [right[-1] / diagonal[-1]]
+    for i in range(count - 3, -1, -1):
+        acceleration.insert(0, (right[i] - upper[i] * acceleration[0]) / diagonal[i])
+
+    knots = [first, first + h[0] ** 2 / 6.0 * acceleration[0], *inner, last + h[-1] ** 2 / 6.0 * acceleration[-1], last]
+    a = [0.0 * first, *acceleration, 0.0 * last]
+    stack = casadi.vertcat if symbolic else lambda *r: np.stack(r)
+    segments = []
+    for i in range(count):
+        left, end, square = knots[i], knots[i + 1], h[i] ** 2 / 18.0
+        one = (2.0 * left + end) / 3.0 - square * (2.0 * a[i] + a[i + 1])
+        two = (left + 2.0 * end) / 3.0 - square * (a[i] + 2.0 * a[i + 1])
+        segments.append([left, one, two, end])
+    # Rest holds exactly, not up to rounding, so that the end states are constants of the problem.
+    segments[0][1:3] = [first, first]
+    segments[-1][1:3] = [last, last]
+    return PiecewiseBezier(intervals if symbolic else np.asarray(h), tuple(stack(*s) for s in segments))

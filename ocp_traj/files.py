@@ -1,0 +1,57 @@
+"""Files: read with a clear word where they are not what they should be, written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ocp_traj.errors import FileFormatError
+
+
+def read_text(path: str | Path, what: str) -> str:
+    """Text of a file; ``what`` says what it should have been."""
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not text"
+        raise FileFormatError(f"cannot read the {what} file {path}: {reason}") from error
+
+
+def read_json(path: str | Path, what: str) -> Any:
+    """JSON value of a file."""
+    try:
+        return json.loads(read_text(path, what))
+    except json.JSONDecodeError as error:
+        raise FileFormatError(f"{path} is not a {what} file: not JSON (line {error.lineno}: {error.msg})") from error
+
+
+def write_with(path: str | Path, write: Callable[[Path], None]) -> Path:
+    """Calls ``write`` with a temporary path beside ``path``, then renames it: a reader never sees half a file."""
+    target = Path(path)
+    temporary: Path | None = None
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=target.suffix, dir=target.parent)
+        os.close(handle)
+        temporary = Path(name)
+        write(temporary)
+        umask = os.umask(0)
+        os.umask(umask)
+        temporary.chmod(0o666 & ~umask)  # mkstemp makes it private; give it the mode a plain write would have
+        temporary.replace(target)
+    except OSError as error:
+        raise FileFormatError(
+            f"cannot write {target}: {error.strerror or error}; choose a folder that exists and is writable"
+        ) from error
+    finally:
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
+    return target
+
+
+def write_text(path: str | Path, text: str) -> Path:
+    """Writes text to a temporary name and renames it."""
+    return write_with(path, lambda temporary: temporary.write_text(text, encoding="utf-8") and None)

@@ -1,0 +1,192 @@
+"""A nonlinear program whose rows know which limit they came from, and what a solver says of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ocp_traj.errors import NoSolutionFound, ProblemDefinitionError
+
+if TYPE_CHECKING:
+    from ocp_traj.audit import Audit
+    from ocp_traj.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Row:
+    """Where a constraint row comes from, and how to turn it back into its unit.
+
+    Attributes:
+        limit: id of the limit, or of the objective a bound is put on.
+        label: joint, or whatever the limit calls its rows.
+        segment: of the curve; -1 where the row belongs to no instant.
+        instant: local time in [0, 1] at the point of transcription.
+        unit: of the row's value before scaling.
+        scale: the row is the limit's value divided by this.
+    """
+
+    limit: str
+    label: str
+    segment: int = -1
+    instant: float = 0.0
+    unit: str = ""
+    scale: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class NLP:
+    """Minimise f(x) subject to lower_x <= x <= upper_x and lower_g <= g(x) <= upper_g.
+
+    Attributes:
+        name: for messages.
+        x, f, g: casadi MX; ``x (n,)``, ``g (m,)``, rows scaled to order one.
+        lower_x, upper_x: ``(n,)``.
+        lower_g, upper_g: ``(m,)``.
+        rows: one a row of g.
+        labels: one an entry of x.
+        units: one an entry of x.
+    """
+
+    name: str
+    x: Any
+    f: Any
+    g: Any
+    lower_x: Array
+    upper_x: Array
+    lower_g: Array
+    upper_g: Array
+    rows: tuple[Row, ...]
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        """Checks shapes."""
+        n, m = self.x.numel(), self.g.numel()
+        for name, size, given in (
+            ("x", n, self.lower_x),
+            ("x", n, self.upper_x),
+            ("g", m, self.lower_g),
+            ("g", m, self.upper_g),
+        ):
+            if given.shape != (size,):
+                raise ProblemDefinitionError(
+                    f"{self.name}: a bound on {name} has shape {given.shape}, expected ({size},)"
+                )
+        if len(self.rows) != m or len(self.labels) != n or len(self.units) != n:
+            raise ProblemDefinitionError(
+                f"{self.name}: {len(self.rows)} row names for {m} rows, {len(self.labels)} labels for {n} variables"
+            )
+
+    def violation(self, x: Array, g: Array) -> float:
+        """Largest amount by which a bound is exceeded, >= 0; rows are scaled, variables in their own unit."""
+        gaps = np.concatenate([self.lower_x - x, x - self.upper_x, self.lower_g - g, g - self.upper_g])
+        return float(max(np.max(gaps, initial=0.0), 0.0)) if np.isfinite(gaps[~np.isinf(gaps)]).all() else np.inf
+
+
+class Status(Enum):
+    """How a solve ended."""
+
+    SOLVED = "solved"
+    ACCEPTABLE = "solved to the acceptable tolerance"
+    FEASIBLE = "stopped at a feasible point"
+    INFEASIBLE = "infeasible"
+    ITERATION_LIMIT = "iteration limit"
+    TIME_LIMIT = "time limit"
+    INTERRUPTED = "interrupted"
+    UNBOUNDED = "unbounded"
+    FAILED = "failed"
+
+    @property
+    def ok(self) -> bool:
+        """Whether the point returned is feasible and meant to be used."""
+        return self in (Status.SOLVED, Status.ACCEPTABLE, Status.FEASIBLE)
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """One limit of those that cannot hold together.
+
+    Attributes:
+        row: the limit's row.
+        value: what the least-violating point gives [row.unit].
+        bound: what the limit allows [row.unit].
+        excess: by how much it is exceeded, >= 0; 0 for a limit that is met but stands in the way of the others.
+    """
+
+    row: Row
+    value: float
+    bound: float
+    excess: float
+
+    def __str__(self) -> str:
+        """The limit, where, and by how much."""
+        name = f"{self.row.limit} {self.row.label}".strip()
+        where = f" at segment {self.row.segment}, u = {self.row.instant:.3f}" if self.row.segment >= 0 else ""
+        if self.excess > 0.0:
+            return (
+                f"{name}{where}: {self.value:.6g}, allowed {self.bound:.6g} {self.row.unit} (off by {self.excess:.3g})"
+            )
+        return f"{name}{where}: held at its bound {self.bound:.6g} {self.row.unit}"
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What a solver found, the same type for every solver.
+
+    Attributes:
+        name: of the problem.
+        x: decision variables ``(n,)``.
+        f: value of the scalar that was minimised.
+        status: how it ended.
+        violation: largest scaled amount by which a row or bound is exceeded, recomputed from x.
+        iterations, seconds: spent.
+        multipliers: of rows, by (limit, label, segment, instant).
+        bound_multipliers: of the bounds on x ``(n,)``.
+        conflicts: where infeasible: the limits that cannot hold together.
+        objectives: value of each objective of the problem.
+        trajectory, audit: where a problem solver made and checked one.
+        rounds, row_count: of constraint exchange.
+        detail: the solver's own words.
+    """
+
+    name: str
+    x: Array
+    f: float
+    status: Status
+    violation: float
+    iterations: int
+    seconds: float
+    multipliers: Mapping[Row, float] = field(default_factory=dict)
+    bound_multipliers: Array | None = None
+    conflicts: tuple[Conflict, ...] = ()
+    objectives: Mapping[str, float] = field(default_factory=dict)
+    trajectory: Trajectory | None = None
+    audit: Audit | None = None
+    rounds: int = 1
+    row_count: int = 0
+    detail: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether the point is feasible and meant to be used."""
+        return self.status.ok
+
+    def require(self) -> Solution:
+        """Returns itself, or raises ``NoSolutionFound`` saying why there is no usable point."""
+        if self.ok:
+            return self
+        raise NoSolutionFound(self.explain())
+
+    def explain(self) -> str:
+        """One line: how it ended and, where infeasible, the limits in conflict, worst first."""
+        if self.status is Status.INFEASIBLE and self.conflicts:
+            worst = "; ".join(str(conflict) for conflict in self.conflicts[:6])
+            return f"{self.name}: no trajectory meets these limits together: {worst}"
+        return f"{self.name}: {self.status.value} after {self.iterations} iterations, violation {self.violation:.3g} ({self.detail})"

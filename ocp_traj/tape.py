@@ -1,0 +1,386 @@
+"""The tape (instruction list) of a CasADi SX function, run on NumPy arrays: in floats and in intervals.
+
+An SX function is a list of scalar operations on registers.  Run once with ``N`` values in each register, it evaluates
+``N`` points in one pass: in floats, for populations and dense scans; in intervals, for proofs.  There a register holds
+``N`` boxes, ``(2, N)`` for lower and upper ends, and operations round outward, so that the result contains the exact
+range of the tape (its constants as rounded) over each box:
+
+* ``+ - * /``, square and square root are correctly rounded (IEEE 754): the next float outward is a bound;
+* NumPy's transcendental functions err by up to 4 units in the last place (ulp): the margin is 4 of them or more;
+* a box is never empty nor NaN: lower ends are below ``+inf``, upper ends above ``-inf``, both infinite where nothing is
+  known.  Of a box partly outside the domain of a function, the part inside counts.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from ocp_traj.errors import InputError, KinkedExpression, UnsupportedOperation
+
+Array = NDArray[np.float64]
+Operation = Callable[..., Any]
+
+
+class Tape:
+    """The instructions of an SX function, decoded once, to run on columns of arguments."""
+
+    def __init__(self, function: casadi.Function) -> None:
+        """Decode an SX function without free variables."""
+        if not (isinstance(function, casadi.Function) and function.is_a("SXFunction")):
+            raise UnsupportedOperation(f"{function} is not an SX function, the only kind with a tape; try its expand()")
+        self.name: str = function.name()
+        if function.has_free():
+            raise InputError(f"{self.name}: the variables {function.get_free()} are free; make them inputs")
+        self.n_in: int = function.n_in()
+        self.n_out: int = function.n_out()
+        self._numel_in = [function.numel_in(k) for k in range(self.n_in)]
+        self._numel_out = [function.numel_out(k) for k in range(self.n_out)]
+        rows_in = [function.sparsity_in(k).find() for k in range(self.n_in)]  # dense rows of the non-zeros
+        # Slots, in this order: non-zeros of the outputs, registers, leaves (a constant or a row of an input).
+        self._results = [(k, row) for k in range(self.n_out) for row in function.sparsity_out(k).find()]
+        first_result = np.cumsum([0] + [function.nnz_out(k) for k in range(self.n_out)]).tolist()
+        self._n_slots: int = len(self._results) + function.sz_w()
+        self._leaves: list[float | tuple[int, int]] = []
+        self._steps: list[tuple[int, int, int, int]] = []  # operation, slot written, slots read (-1: none)
+        leaf_of_row: dict[tuple[int, int], int] = {}
+        slot: dict[int, int] = {}  # where the value of a register is
+        for index in range(function.n_instructions()):
+            operation = function.instruction_id(index)
+            read, written = function.instruction_input(index), function.instruction_output(index)
+            if operation == casadi.OP_OUTPUT:
+                self._steps.append((casadi.OP_ASSIGN, first_result[written[0]] + written[1], slot[read[0]], -1))
+            elif operation == casadi.OP_CONST:
+                slot[written[0]] = self._n_slots + len(self._leaves)
+                self._leaves.append(function.instruction_constant(index))
+            elif operation == casadi.OP_INPUT:
+                row = (read[0], rows_in[read[0]][read[1]])
+                if row not in leaf_of_row:
+                    leaf_of_row[row] = len(self._leaves)
+                    self._leaves.append(row)
+                slot[written[0]] = self._n_slots + leaf_of_row[row]
+            elif operation in _FLOAT:
+                operands = [slot[register] for register in read] + [-1]
+                slot[written[0]] = len(self._results) + written[0]
+                self._steps.append((operation, slot[written[0]], operands[0], operands[1]))
+            else:
+                raise self._unsupported(operation, "in floats", _FLOAT)
+        self._float_program = [(_FLOAT[operation], *slots) for operation, *slots in self._steps]
+        self._interval_program: list[Any] | None = None  # made on demand: floats do more operations than intervals
+        self._constants = {leaf: _constant(leaf) for leaf in self._leaves if isinstance(leaf, float)}
+
+    def evaluate(self, *inputs: Array) -> tuple[Array, ...]:
+        """Values at ``N`` points.
+
+        Args:
+            inputs: Argument k, dense column-major: ``(numel_in(k), N)``, or ``(numel_in(k),)`` for the same N times.
+
+        Returns:
+            Result k, dense column-major, ``(numel_out(k), N)``.
+        """
+        rows, n_columns = self._columns(inputs)
+        leaves = [leaf if isinstance(leaf, float) else rows[leaf[0]][leaf[1]] for leaf in self._leaves]
+        results = [np.zeros((numel, n_columns)) for numel in self._numel_out]
+        with np.errstate(all="ignore"):
+            self._run(self._float_program, leaves, results)
+        return tuple(results)
+
+    def enclose(self, *inputs: tuple[Array, Array]) -> tuple[tuple[Array, Array], ...]:
+        """Bounds on the exact range over ``N`` boxes.
+
+        Args:
+            inputs: Lower and upper ends of argument k, each as in ``evaluate``.  An end that is NaN is infinite.
+
+        Returns:
+            Lower and upper ends of result k, each ``(numel_out(k), N)``; infinite where unbounded, never NaN.
+        """
+        if self._interval_program is None:
+            self._interval_program = [self._interval_step(*step) for step in self._steps]
+        columns, n_columns = self._columns([end for pair in inputs for end in pair], ends=2)
+        boxes = [_boxes(lower, upper) for lower, upper in zip(columns[::2], columns[1::2], strict=True)]
+        for k, box in enumerate(boxes):
+            if (box[:, 0] > box[:, 1]).any():
+                raise InputError(f"{self.name}: input {k} has a lower end above its upper end; swap them")
+        leaves = [
+            self._constants[leaf] if isinstance(leaf, float) else boxes[leaf[0]][leaf[1]] for leaf in self._leaves
+        ]
+        results = [np.zeros((numel, 2, n_columns)) for numel in self._numel_out]
+        with np.errstate(all="ignore", invalid="raise"):  # NaN and inf - inf are rare: they go the exceptional way
+            self._run(self._interval_program, leaves, results)
+        return tuple((result[:, 0], result[:, 1]) for result in results)
+
+    def require_smooth(self, what: str) -> None:
+        """Refuse a tape with kinks or jumps: second derivatives miss them, so that a proof by them is unsound."""
+        for operation, *_ in self._steps:
+            if operation in _KINKED:
+                raise KinkedExpression(f"{what} is not smooth: it contains {_NAMES[operation]}; {_KINKED[operation]}")
+
+    def _columns(self, inputs: Sequence[Array], ends: int = 1) -> tuple[list[Array], int]:
+        """The inputs as ``(numel_in(k), 1 or N)``, ``ends`` of them to an argument, and N."""
+        if len(inputs) != ends * self.n_in:
+            raise InputError(f"{self.name}: {len(inputs) // ends} inputs given, expected {self.n_in}")
+        columns = [np.asarray(value, dtype=np.float64) for value in inputs]
+        columns = [value.reshape(-1, 1) if value.ndim < 2 else value for value in columns]
+        widths = {value.shape[-1] for value in columns} - {1}
+        expected = [numel for numel in self._numel_in for _ in range(ends)]
+        if len(widths) > 1 or [value.shape[:-1] for value in columns] != [(numel,) for numel in expected]:
+            shapes = [value.shape for value in columns]
+            raise InputError(f"{self.name}: inputs have shapes {shapes}, expected (n, N) with n = {expected}, one N")
+        return columns, widths.pop() if widths else 1
+
+    def _run(self, program: list[Any], leaves: list[Any], results: list[Array]) -> None:
+        values: list[Any] = [None] * self._n_slots + leaves
+        for operation, written, first, second in program:
+            values[written] = operation(values[first]) if second < 0 else operation(values[first], values[second])
+        for (k, row), value in zip(self._results, values, strict=False):
+            results[k][row] = value
+
+    def _interval_step(self, operation: int, written: int, first: int, second: int) -> tuple[Operation, int, int, int]:
+        """The step on intervals: a better one where an operand is constant or repeated."""
+        leaves: list[Any] = [None] * self._n_slots + self._leaves
+        left, right = leaves[first], leaves[second] if second >= 0 else None
+        if operation == casadi.OP_MUL and first == second:
+            return _INTERVAL[casadi.OP_SQ], written, first, -1
+        for factor, other in ((left, second), (right, first)):
+            if operation == casadi.OP_MUL and isinstance(factor, float) and factor != 0.0 and math.isfinite(factor):
+                return _scaling(factor), written, other, -1
+        if operation in (casadi.OP_POW, casadi.OP_CONSTPOW) and isinstance(right, float):
+            return _constant_power(right), written, first, -1
+        if operation not in _INTERVAL:
+            raise self._unsupported(operation, "in intervals", _INTERVAL)
+        return _INTERVAL[operation], written, first, second
+
+    def _unsupported(self, operation: int, where: str, known: dict[int, Operation]) -> UnsupportedOperation:
+        name = _NAMES.get(operation, f"operation {operation}")
+        allowed = ", ".join(sorted(_NAMES[key] for key in known))
+        return UnsupportedOperation(f"{self.name}: {name} is not supported {where}; supported are {allowed}")
+
+
+def _table(**by_name: Any) -> dict[int, Any]:
+    return {getattr(casadi, f"OP_{name}"): value for name, value in by_name.items()}
+
+
+_NAMES = {getattr(casadi, name): name for name in dir(casadi) if name.startswith("OP_")}
+_SPLIT = "split it into several limits, one for each branch or argument (a maximum is several limits)"
+_KINKED: dict[int, str] = _table(
+    FABS="write |x| <= c as the two-sided limit -c <= x <= c, and limit a distance by its square (sqrt(x^2) is |x|)",
+    ATAN2="it jumps by 2 pi across the half-line y = 0, x < 0: limit sines and cosines of the angle, or products",
+    **dict.fromkeys(("FMIN", "FMAX", "SIGN", "COPYSIGN", "IF_ELSE_ZERO", "FLOOR", "CEIL", "FMOD", "REMAINDER"), _SPLIT),
+    **dict.fromkeys(("LT", "LE", "EQ", "NE", "AND", "OR", "NOT"), _SPLIT),
+)
+
+# --- Floats -----------------------------------------------------------------------------------------------------------
+
+
+def _remainder(x: Array, y: Array) -> Array:
+    """C's ``remainder``: x - n y, n the integer nearest to x / y, the even one of two."""
+    modulus, rest = np.abs(y), np.fmod(np.abs(x), 2.0 * np.abs(y))
+    rest = np.where(2.0 * rest > modulus, rest - modulus, rest)
+    return np.where(2.0 * rest >= modulus, rest - modulus, rest) * np.copysign(1.0, x)
+
+
+def _logical(function: Operation) -> Operation:
+    return lambda *operands: function(*operands) * 1.0
+
+
+_FLOAT: dict[int, Operation] = _table(
+    ASSIGN=lambda x: x, ADD=np.add, SUB=np.subtract, MUL=np.multiply, DIV=np.divide, NEG=np.negative, INV=np.reciprocal,
+    SQ=np.square, TWICE=lambda x: x + x, SQRT=np.sqrt, POW=np.power, CONSTPOW=np.power, HYPOT=np.hypot,
+    EXP=np.exp, EXPM1=np.expm1, LOG=np.log, LOG1P=np.log1p, ERF=special.erf, ERFINV=special.erfinv,
+    SIN=np.sin, COS=np.cos, TAN=np.tan, ASIN=np.arcsin, ACOS=np.arccos, ATAN=np.arctan, ATAN2=np.arctan2,
+    SINH=np.sinh, COSH=np.cosh, TANH=np.tanh, ASINH=np.arcsinh, ACOSH=np.arccosh, ATANH=np.arctanh,
+    FABS=np.fabs, SIGN=np.sign, COPYSIGN=np.copysign, FLOOR=np.floor, CEIL=np.ceil, FMOD=np.fmod, REMAINDER=_remainder,
+    FMIN=np.fmin, FMAX=np.fmax, IF_ELSE_ZERO=lambda x, y: np.where(np.not_equal(x, 0.0), y, 0.0),
+    LT=_logical(np.less), LE=_logical(np.less_equal), EQ=_logical(np.equal), NE=_logical(np.not_equal),
+    NOT=_logical(np.logical_not), AND=_logical(np.logical_and), OR=_logical(np.logical_or),
+)  # fmt: skip
+
+# --- Intervals: boxes (2, N), or (2, 1) where all columns are the same ------------------------------------------------
+
+_MAX = np.finfo(np.float64).max
+_ENTIRE = np.array([[-np.inf], [np.inf]])
+_PI, _HALF_PI = np.nextafter(np.pi, np.inf), np.nextafter(np.pi / 2, np.inf)  # bounds from above
+_HUGE_ANGLE = 1e5  # [rad] our choice: the range of sin, cos and tan is not resolved beyond
+_FULL_TURN = np.array([[-4.0], [4.0]])  # [rad] a box with every extremum of sin and cos inside
+
+# x + (a |x| + b), in floats, is the next float after x or the one after that: Rump, Zimmermann, Boldo and Melquiond
+# (2009), BIT 49(2), Algorithm 1.
+_NEXT = (2.0**-53 * (1.0 + 2.0**-52), 2.0**-1074)
+_ULPS = (4.5 * 2.0**-52, 2.0**-1022)  # 4 ulp are left after rounding; a result below 2^-1022 may be flushed to zero
+
+
+def _outward(box: Array, margin: tuple[float, float]) -> Array:
+    """The box with margin[0] |end| + margin[1] more at each end."""
+    more = np.abs(box)
+    more *= margin[0]
+    more += margin[1]
+    result = np.empty_like(box)
+    try:
+        np.subtract(box[0], more[0], out=result[0])
+        np.add(box[1], more[1], out=result[1])
+    except FloatingPointError:  # inf - inf: an end overflowed inward
+        more = np.minimum(more, _MAX)
+        np.minimum(box[0] - more[0], _MAX, out=result[0])
+        np.maximum(box[1] + more[1], -_MAX, out=result[1])
+    return result
+
+
+def _boxes(lower: Array, upper: Array) -> Array:
+    """Boxes ``(numel, 2, N)`` of ends ``(numel, 1 or N)``."""
+    low = np.where(np.isnan(lower), -np.inf, np.minimum(lower, _MAX))
+    high = np.where(np.isnan(upper), np.inf, np.maximum(upper, -_MAX))
+    return np.stack(np.broadcast_arrays(low, high), axis=1)
+
+
+def _constant(value: float) -> Array:
+    return _boxes(np.array([[value]]), np.array([[value]]))[0]
+
+
+def _corners(function: Operation, margin: tuple[float, float]) -> Operation:
+    """Extension of a function of two variables with its extrema over a box at the corners."""
+
+    def extension(x: Array, y: Array) -> Array:
+        try:
+            values = function(x[:, None], y[None])
+        except FloatingPointError:  # 0 * inf and inf / inf: 0 for finite operands, and their other limits are corners
+            with np.errstate(invalid="ignore"):
+                values = function(x[:, None], y[None])
+            values[np.isnan(values)] = 0.0
+        values = values.reshape(4, -1)
+        return _outward(np.stack((values.min(axis=0), values.max(axis=0))), margin)
+
+    return extension
+
+
+def _apply(function: Operation, *operands: Array) -> Array:
+    try:
+        result: Array = function(*operands)
+    except FloatingPointError:  # vectorised code may raise the flag without a cause
+        with np.errstate(invalid="ignore"):
+            result = function(*operands)
+    return result
+
+
+def _increasing(
+    function: Operation,
+    domain: tuple[float, float] | None = None,
+    image: tuple[float, float] | None = None,
+    margin: tuple[float, float] = _ULPS,
+) -> Operation:
+    """Extension of an increasing function of one variable."""
+
+    def extension(x: Array) -> Array:
+        inside = np.minimum(np.maximum(x, domain[0]), domain[1]) if domain else x
+        result = _outward(_apply(function, inside), margin)
+        if image:
+            result = np.minimum(np.maximum(result, image[0]), image[1])
+        return np.where((x[1] < domain[0]) | (x[0] > domain[1]), _ENTIRE, result) if domain else result
+
+    return extension
+
+
+def _magnitude(x: Array) -> Array:
+    """Range of |x|, exact."""
+    result: Array = np.maximum(np.maximum(x, -x[::-1]), 0.0)
+    return result
+
+
+def _even(increasing: Operation) -> Operation:
+    return lambda x: increasing(_magnitude(x))
+
+
+def _scaling(factor: float) -> Operation:
+    return lambda x: _outward((x if factor > 0.0 else x[::-1]) * factor, _NEXT)
+
+
+def _quotient(x: Array, y: Array) -> Array:
+    pole = (y[0] <= 0.0) & (y[1] >= 0.0)
+    return np.where(pole, _ENTIRE, _divide(x, np.where(pole, 1.0, y)))
+
+
+def _inverse(x: Array) -> Array:
+    return np.where((x[0] <= 0.0) & (x[1] >= 0.0), _ENTIRE, _outward(1.0 / x[::-1], _NEXT))
+
+
+def _constant_power(exponent: float) -> Operation:
+    """Extension of x^exponent, for an exponent that is not an integer on x >= 0."""
+    if not math.isfinite(exponent):
+        return lambda x: _ENTIRE
+    if exponent < 0.0:
+        positive = _constant_power(-exponent)
+        return lambda x: _inverse(positive(x))
+    if exponent % 2.0 == 1.0:
+        return _increasing(lambda x: np.power(x, exponent))
+    increasing = _increasing(lambda x: np.power(x, exponent), domain=(0.0, np.inf), image=(0.0, np.inf))
+    return _even(increasing) if exponent % 2.0 == 0.0 else increasing
+
+
+def _power(x: Array, y: Array) -> Array:
+    """Extension of x^y = exp(y log x)."""
+    return np.where(x[0] < 0.0, _ENTIRE, _exp(_multiply(y, _log(x))))
+
+
+def _crosses(x: Array, period: float, first: float) -> Any:
+    """Whether the box may hold ``first + k period``, [rad], for an integer k."""
+    turns = _outward((x - first) / period, (_ULPS[0], _ULPS[0]))  # more than the rounding, of pi too
+    return np.floor(turns[1]) >= np.ceil(turns[0])
+
+
+def _is_huge(x: Array) -> Any:
+    return np.maximum(-x[0], x[1]) > _HUGE_ANGLE
+
+
+def _wave(function: Operation, peak: float) -> Operation:
+    """Extension of sin or cos, whose maximum 1 is at ``peak``, [rad]."""
+
+    def extension(x: Array) -> Array:
+        x = np.where(_is_huge(x), _FULL_TURN, x)
+        result = np.sort(_apply(function, x), axis=0)
+        result = np.minimum(np.maximum(_outward(result, _ULPS), -1.0), 1.0)
+        result[0][_crosses(x, 2.0 * np.pi, peak + np.pi)] = -1.0
+        result[1][_crosses(x, 2.0 * np.pi, peak)] = 1.0
+        return result
+
+    return extension
+
+
+def _tan(x: Array) -> Array:
+    pole = _is_huge(x) | _crosses(x, np.pi, np.pi / 2)
+    return np.where(pole, _ENTIRE, _outward(_apply(np.tan, np.where(pole, 0.0, x)), _ULPS))
+
+
+def _angle(y: Array, x: Array) -> Array:
+    """Extension of atan2(y, x), [rad]: all of it for a box that touches the half-line y = 0, x <= 0."""
+    cut = (y[0] <= 0.0) & (y[1] >= 0.0) & (x[0] <= 0.0)
+    return np.minimum(np.maximum(np.where(cut, _ENTIRE, _atan2(y, x)), -_PI), _PI)
+
+
+def _length(x: Array, y: Array) -> Array:
+    result: Array = np.maximum(_outward(_apply(np.hypot, _magnitude(x), _magnitude(y)), _ULPS), 0.0)
+    return result
+
+
+_multiply, _divide, _atan2 = _corners(np.multiply, _NEXT), _corners(np.divide, _NEXT), _corners(np.arctan2, _ULPS)
+_exp, _log = _increasing(np.exp, image=(0.0, np.inf)), _increasing(np.log, domain=(0.0, np.inf))
+_acos_of_minus = _increasing(lambda x: np.arccos(-x), domain=(-1.0, 1.0), image=(0.0, _PI))
+
+_INTERVAL: dict[int, Operation] = _table(
+    ASSIGN=lambda x: x, NEG=lambda x: -x[::-1], FABS=_magnitude, FMIN=np.minimum, FMAX=np.maximum,
+    ADD=lambda x, y: _outward(x + y, _NEXT), SUB=lambda x, y: _outward(x - y[::-1], _NEXT), MUL=_multiply,
+    TWICE=lambda x: _outward(x + x, _NEXT), DIV=_quotient, INV=_inverse, POW=_power, CONSTPOW=_power, HYPOT=_length,
+    SQ=_even(_increasing(np.square, image=(0.0, np.inf), margin=_NEXT)),
+    SQRT=_increasing(np.sqrt, domain=(0.0, np.inf), image=(0.0, np.inf), margin=_NEXT),
+    EXP=_exp, EXPM1=_increasing(np.expm1, image=(-1.0, np.inf)),
+    LOG=_log, LOG1P=_increasing(np.log1p, domain=(-1.0, np.inf)), ERF=_increasing(special.erf, image=(-1.0, 1.0)),
+    SIN=_wave(np.sin, np.pi / 2), COS=_wave(np.cos, 0.0), TAN=_tan, ATAN2=_angle,
+    ASIN=_increasing(np.arcsin, domain=(-1.0, 1.0), image=(-_HALF_PI, _HALF_PI)),
+    ACOS=lambda x: _acos_of_minus(-x[::-1]), ATAN=_increasing(np.arctan, image=(-_HALF_PI, _HALF_PI)),
+    SINH=_increasing(np.sinh), COSH=_even(_increasing(np.cosh, image=(1.0, np.inf))),
+    TANH=_increasing(np.tanh, image=(-1.0, 1.0)), ASINH=_increasing(np.arcsinh),
+    ACOSH=_increasing(np.arccosh, domain=(1.0, np.inf), image=(0.0, np.inf)),
+    ATANH=_increasing(np.arctanh, domain=(-1.0, 1.0)),
+)  # fmt: skip

@@ -1,0 +1,179 @@
+"""A trajectory: a numeric curve with the problem, case and variables it came from. Samples, dilates, saves and loads."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from math import comb
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+
+from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.errors import FileFormatError, InputError, ProblemDefinitionError
+from ocp_traj.files import read_json, write_text
+
+if TYPE_CHECKING:
+    from ocp_traj.audit import Audit
+
+Array = NDArray[np.float64]
+
+FORMAT = "ocp-traj/trajectory/1"
+SAMPLES_FORMAT = "ocp-traj/samples/1"
+SPLINE_FORMAT = "ocp-traj/spline/1"
+COLUMNS = ("q", "v", "a", "jerk", "snap")
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A timed motion of named joints.
+
+    Attributes:
+        curve: numeric, joint coordinates in SI over seconds.
+        joints: one name a joint.
+        problem: id of the problem it solves, empty for one from elsewhere.
+        case: the problem's case fields that differ from its defaults.
+        variables: decision variables by block.
+        parameters: global parameters by label, such as the payload.
+    """
+
+    curve: PiecewiseBezier
+    joints: tuple[str, ...]
+    problem: str = ""
+    case: Mapping[str, Any] = field(default_factory=dict)
+    variables: Mapping[str, Array] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Checks that joints and curve fit."""
+        if len(self.joints) != self.curve.dof:
+            raise ProblemDefinitionError(f"a trajectory of {self.curve.dof} joints was given {len(self.joints)} names")
+
+    @property
+    def duration(self) -> float:
+        """Total time [s]."""
+        return float(self.curve.duration)
+
+    def sample(self, count: int = 200, times: ArrayLike | None = None) -> pd.DataFrame:
+        """Joint coordinates and derivatives at ``count`` even times, or at ``times`` [s].
+
+        Returns:
+            One row an instant, indexed by ``time [s]``; columns (quantity, joint) with quantities q, v, a, jerk, snap.
+        """
+        t = np.linspace(0.0, self.duration, count) if times is None else np.atleast_1d(np.asarray(times, dtype=float))
+        blocks = {
+            name: pd.DataFrame(self.curve(t, order), index=t, columns=list(self.joints))
+            for order, name in enumerate(COLUMNS)
+        }
+        return pd.concat(blocks, axis=1).rename_axis("time [s]")
+
+    def dilate(self, factor: float) -> Trajectory:
+        """The same path ``factor`` times slower; it forgets the variables, which no longer describe it."""
+        if not (np.isfinite(factor) and factor > 0.0):
+            raise InputError(f"a trajectory is dilated by a positive number; got {factor}")
+        return replace(self, curve=self.curve.dilate(factor), variables={})
+
+    def audit(self, **options: Any) -> Audit:
+        """Checks every limit of its problem at every instant; see ``ocp_traj.audit.audit``."""
+        from ocp_traj import problems
+        from ocp_traj.audit import audit
+
+        if not self.problem:
+            raise InputError(
+                "this trajectory names no problem; give its limits: ocp_traj.audit.audit(trajectory, requirements)"
+            )
+        return audit(self, problems.load(self.problem, **self.case).requirements, **options)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain JSON values."""
+        return {
+            "format": FORMAT,
+            "problem": self.problem,
+            "case": dict(self.case),
+            "variables": {name: np.asarray(block).tolist() for name, block in self.variables.items()},
+            "parameters": {name: float(value) for name, value in self.parameters.items()},
+            "joints": list(self.joints),
+            "durations": self.curve.durations.tolist(),
+            "control_points": [points.tolist() for points in self.curve.control_points],
+        }
+
+    def save(self, path: str | Path) -> Path:
+        """Writes the trajectory as JSON, whole or not at all."""
+        return write_text(path, json.dumps(self.to_dict(), indent=1) + "\n")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Trajectory:
+        """Reads a trajectory of this package, or one from elsewhere: samples or spline coefficients (see docs)."""
+        return cls.from_dict(read_json(path, "trajectory"), str(path))
+
+    @classmethod
+    def from_dict(cls, data: Any, source: str = "trajectory") -> Trajectory:
+        """From plain JSON values, in one of three formats.
+
+        ``ocp-traj/trajectory/1``: ``joints``, ``durations [s] (K,)``, ``control_points`` per segment ``(n + 1, dof)``.
+        ``ocp-traj/samples/1``: ``joints``, ``times [s] (N,)`` increasing, ``positions (N, dof)``: a C2 cubic spline is put
+        through the points, at rest at both ends if ``"rest": true``, else not-a-knot; what is audited is that spline.
+        ``ocp-traj/spline/1``: ``joints``, ``knots [s] (K + 1,)``, ``coefficients`` per segment ``(n + 1, dof)``,
+        of ascending powers of the time since the segment's start.
+        """
+        kind = data.get("format") if isinstance(data, dict) else None
+        readers = {FORMAT: _read_control_points, SAMPLES_FORMAT: _read_samples, SPLINE_FORMAT: _read_spline}
+        if kind not in readers:
+            raise FileFormatError(f"{source} is not a trajectory: its format is {kind!r}; allowed {', '.join(readers)}")
+        try:
+            curve = readers[kind](data)
+            return cls(
+                curve,
+                tuple(str(name) for name in data["joints"]),
+                str(data.get("problem", "")),
+                dict(data.get("case", {})),
+                {k: np.atleast_1d(np.asarray(v, dtype=float)) for k, v in data.get("variables", {}).items()},
+                {k: float(v) for k, v in data.get("parameters", {}).items()},
+            )
+        except KeyError as error:
+            raise FileFormatError(f"{source}: the field {error} of format {kind} is missing") from error
+        except (TypeError, ValueError, IndexError, AttributeError) as error:
+            raise FileFormatError(f"{source} is not a sound {kind} file: {error}") from error
+
+
+def _finite(values: Any, what: str) -> Array:
+    numbers = np.asarray(values, dtype=float)
+    if not np.isfinite(numbers).all():
+        raise ValueError(f"{what} are not all finite numbers")
+    return numbers
+
+
+def _read_control_points(data: dict[str, Any]) -> PiecewiseBezier:
+    return PiecewiseBezier(
+        _finite(data["durations"], "durations"),
+        tuple(_finite(points, "control points") for points in data["control_points"]),
+    )
+
+
+def _read_samples(data: dict[str, Any]) -> PiecewiseBezier:
+    times, positions = _finite(data["times"], "times"), _finite(data["positions"], "positions")
+    return PiecewiseBezier.from_ppoly(
+        CubicSpline(times, positions, bc_type="clamped" if data.get("rest") else "not-a-knot")
+    )
+
+
+def _read_spline(data: dict[str, Any]) -> PiecewiseBezier:
+    durations = np.diff(_finite(data["knots"], "knots"))
+    segments = []
+    for duration, powers in zip(durations, data["coefficients"], strict=True):
+        coefficients = _finite(powers, "coefficients")
+        degree = len(coefficients) - 1
+        # B_i = sum_j C(i, j) / C(n, j) c_j T^j; Farin (2002), sect. 5.8.
+        scaled = coefficients * (duration ** np.arange(degree + 1))[:, None]
+        change = np.array([[_ratio(i, j, degree) for j in range(degree + 1)] for i in range(degree + 1)])
+        segments.append(change @ scaled)
+    return PiecewiseBezier(durations, tuple(segments))
+
+
+def _ratio(i: int, j: int, degree: int) -> float:
+    return comb(i, j) / comb(degree, j)

@@ -1,0 +1,124 @@
+"""An install works from the repository root and from elsewhere, be it editable or plain."""
+
+import os
+import shutil
+import subprocess
+import sys
+import venv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+CHECKOUT = Path(__file__).resolve().parent.parent
+PARTS = ("pyproject.toml", "README.md", "LICENSE", "ocp_traj", "problems", "solvers")
+WHERE_IMPORTED = """
+import ocp_traj, ocp_traj.problems, ocp_traj.solvers
+for module in (ocp_traj, ocp_traj.problems, ocp_traj.solvers):
+    print(module.__file__)
+"""
+
+
+@dataclass(frozen=True)
+class Install:
+    kind: str
+    root: Path  # the copy of the checkout it was made from
+    elsewhere: Path
+    python: Path
+    site_packages: Path
+
+    def run(self, command: Sequence[str | Path], cwd: Path) -> str:
+        """What the command prints; its whole output is in the failure if it fails."""
+        hidden = {"PYTHONPATH", "PYTHONHOME", "PYTHONSAFEPATH", "PIP_TARGET", "PIP_PREFIX", "PIP_USER"}
+        environment = {key: value for key, value in os.environ.items() if key not in hidden}
+        done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, f"{command} in {cwd}\n{done.stdout}\n{done.stderr}"
+        return done.stdout
+
+    def folder(self, where: str) -> Path:
+        return self.root if where == "root" else self.elsewhere
+
+
+@pytest.fixture(scope="module", params=["editable", "plain"])
+def install(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Install:
+    """The package in an environment of its own, which borrows the dependencies of the running one."""
+    base = tmp_path_factory.mktemp(request.param)
+    root, elsewhere, environment = base / "checkout", base / "elsewhere", base / "venv"
+    root.mkdir()
+    elsewhere.mkdir()
+    for part in PARTS:
+        if (CHECKOUT / part).is_dir():
+            shutil.copytree(CHECKOUT / part, root / part, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(CHECKOUT / part, root / part)
+
+    venv.create(environment, with_pip=False, symlinks=True)
+    python = environment / "bin" / "python"
+    site_packages = environment / "lib" / f"python{sys.version_info.major}.{sys.version_info.minor}" / "site-packages"
+    # Bare folders, not site directories: the hooks of an editable install of the real checkout must not come along.
+    borrowed = [path for path in sys.path if Path(path).name in ("site-packages", "dist-packages")]
+    (site_packages / "borrowed.pth").write_text("\n".join(borrowed) + "\n")
+
+    made = Install(request.param, root, elsewhere, python, site_packages)
+    # --ignore-installed: the borrowed environment may hold the package too, and keeps it.
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", python]
+    options = ["--no-deps", "--no-index", "--no-build-isolation", "--ignore-installed"]
+    made.run([*pip, "install", *options, *(["--editable"] if made.kind == "editable" else []), root], cwd=base)
+    return made
+
+
+@pytest.mark.parametrize("where", ["root", "elsewhere"])
+def test_problems_and_solvers_import(install: Install, where: str) -> None:
+    top, problems, solvers = map(
+        Path, install.run([install.python, "-c", WHERE_IMPORTED], cwd=install.folder(where)).split()
+    )
+    if install.kind == "editable" or where == "root":  # from the root the checkout hides an installed package
+        assert top == install.root / "ocp_traj" / "__init__.py"
+        assert problems == install.root / "problems" / "__init__.py"
+        assert solvers == install.root / "solvers" / "__init__.py"
+    else:
+        package = install.site_packages / "ocp_traj"
+        assert top == package / "__init__.py"
+        assert problems == package / "problems" / "__init__.py"
+        assert solvers == package / "solvers" / "__init__.py"
+
+
+@pytest.mark.parametrize("where", ["root", "elsewhere"])
+@pytest.mark.parametrize("command", ["module", "script"])
+def test_command_line_answers(install: Install, command: str, where: str) -> None:
+    start = [install.python, "-m", "ocp_traj"] if command == "module" else [install.python.with_name("ocp-traj")]
+    assert "pareto" in install.run([*start, "--help"], cwd=install.folder(where))
+
+
+def test_one_top_level_name_is_claimed(install: Install) -> None:
+    ours = {path.name for path in install.site_packages.iterdir()} - {"borrowed.pth", "__pycache__"}
+    names = {name for name in ours if not name.startswith("__editable__") and not name.endswith(".dist-info")}
+    assert names == (set() if install.kind == "editable" else {"ocp_traj"})
+    claimed = install.run(
+        [
+            install.python,
+            "-c",
+            "from importlib.metadata import distribution; print(distribution('ocp-traj').read_text('top_level.txt'))",
+        ],
+        cwd=install.elsewhere,
+    )
+    assert claimed.split() == ["ocp_traj"]
+
+
+def test_types_are_shipped(install: Install) -> None:
+    if install.kind == "editable":
+        assert (install.root / "ocp_traj" / "py.typed").is_file()
+    else:
+        assert (install.site_packages / "ocp_traj" / "py.typed").is_file()
+
+
+def test_every_module_is_shipped(install: Install) -> None:
+    if install.kind == "editable":
+        pytest.skip("an editable install copies no module")
+    package = install.site_packages / "ocp_traj"
+    for source, target in (("ocp_traj", package), ("problems", package / "problems"), ("solvers", package / "solvers")):
+        for module in (install.root / source).rglob("*.py"):
+            assert (target / module.relative_to(install.root / source)).is_file(), module
