@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.enclosure import MAX_SPLITS, Arcs, Pair, parabola_bound, peak_fraction
 from ocp_traj.errors import InputError, ProblemDefinitionError
+from ocp_traj.evaluate import limit_on
 from ocp_traj.problem import ORDERS, PathConstraint, PointConstraint, Requirements
 from ocp_traj.tape import Tape
 from ocp_traj.trajectory import Trajectory
@@ -138,7 +139,9 @@ def audit_all(
             raise InputError(f"the trajectory has {trajectory.curve.dof} joints, the limits are for {requirements.dof}")
         missing = [name for name in requirements.parameters if name not in trajectory.parameters]
         if missing:
-            raise InputError(f"the limits need the parameters {missing}; the trajectory has {sorted(trajectory.parameters)}")
+            raise InputError(
+                f"the limits need the parameters {missing}; the trajectory has {sorted(trajectory.parameters)}"
+            )
     rows: list[list[AuditRow]] = [[] for _ in trajectories]
     for limit in requirements.path_constraints:
         prover = _Prover(trajectories, requirements, limit, allowance, tightness, max_arcs)
@@ -334,9 +337,16 @@ class _Prover:
                 found = self.found[side, row, index]
                 sides.append(
                     AuditRow(
-                        limit.id, label, limit.units[row], sign * bound, sign * found,
-                        float(self.instant[side, row, index]), sign * max(proved, found), float((bound - max(proved, found)) / scale),
-                        verdict, int(self.boxes[index]),
+                        limit.id,
+                        label,
+                        limit.units[row],
+                        sign * bound,
+                        sign * found,
+                        float(self.instant[side, row, index]),
+                        sign * max(proved, found),
+                        float((bound - max(proved, found)) / scale),
+                        verdict,
+                        int(self.boxes[index]),
                     )  # fmt: skip
                 )
             if sides:
@@ -346,12 +356,8 @@ class _Prover:
 
 def _check_points(trajectory: Trajectory, requirements: Requirements, point: PointConstraint) -> list[AuditRow]:
     curve = trajectory.curve
-    tape = requirements.compiled(point, "check", lambda: Tape(requirements.function(point)))
     nodes = [(k % curve.segments, u) for k, u in point.at]
-    x = np.stack([np.concatenate([curve.at(k, u, order)[0] for order in range(len(ORDERS))]) for k, u in nodes], axis=1)
-    p = np.array([trajectory.parameters[name] for name in requirements.parameters]).reshape(-1, 1)
-    u = np.array([[u for _, u in nodes]])
-    values = tape.evaluate(x, u, np.repeat(p, len(nodes), axis=1), np.zeros((0, len(nodes))))[0]
+    values = np.concatenate([limit_on(trajectory, requirements, point, k, u) for k, u in nodes], axis=1)
     rows = []
     for i, label in enumerate(point.labels):
         excess = np.maximum(values[i] - point.upper[:, i], point.lower[:, i] - values[i])
@@ -361,8 +367,16 @@ def _check_points(trajectory: Trajectory, requirements: Requirements, point: Poi
         verdict = CHECKED if excess[worst] <= point.tolerance else VIOLATED
         rows.append(
             AuditRow(
-                point.id, label, point.units[i], float((point.upper if above else point.lower)[worst, i]), float(values[i, worst]),
-                float(curve.knots[k] + local * curve.durations[k]), float(values[i, worst]), float(-excess[worst]), verdict, 0,
+                point.id,
+                label,
+                point.units[i],
+                float((point.upper if above else point.lower)[worst, i]),
+                float(values[i, worst]),
+                float(curve.knots[k] + local * curve.durations[k]),
+                float(values[i, worst]),
+                float(1.0 - max(excess[worst], 0.0) / point.tolerance),
+                verdict,
+                0,
             )  # fmt: skip
         )
     return rows
@@ -383,9 +397,16 @@ def _check_continuity(trajectory: Trajectory, requirements: Requirements) -> lis
             bound = 1e-9 * float(size[j])
             rows.append(
                 AuditRow(
-                    f"continuity of {ORDERS[order]}", joint, requirements.joint_units[j] + (f"/s^{order}" if order else ""), bound,
-                    float(jumps[k, j]), float(curve.knots[k + 1]), float(jumps[k, j]), float((bound - jumps[k, j]) / bound),
-                    CHECKED if jumps[k, j] <= bound else VIOLATED, 0,
+                    f"continuity of {ORDERS[order]}",
+                    joint,
+                    requirements.joint_units[j] + ("", "/s", "/s2", "/s3", "/s4")[order],
+                    bound,
+                    float(jumps[k, j]),
+                    float(curve.knots[k + 1]),
+                    float(jumps[k, j]),
+                    float((bound - jumps[k, j]) / bound),
+                    CHECKED if jumps[k, j] <= bound else VIOLATED,
+                    0,
                 )  # fmt: skip
             )
     return rows

@@ -101,6 +101,14 @@ def joint_index(model: pin.Model, joint: int | str | None) -> int:
     return int(index)
 
 
+def column(x: Any, size: int, name: str) -> SX:
+    """A vector as an SX column, its size checked."""
+    vector = SX(x)
+    if vector.shape != (size, 1):
+        raise InputError(f"{name} has shape {vector.shape}, expected ({size}, 1)")
+    return vector
+
+
 def inverse_dynamics(
     model: pin.Model,
     q: SX,
@@ -306,14 +314,6 @@ def _spin_moment(second: Matrix, s: Matrix) -> Vector:
         j, k = second[y], second[z]
         moment.append(j[x] * s[z][x] - k[x] * s[y][x] + j[y] * s[z][y] - k[z] * s[y][z] + j[z] * (s[z][z] - s[y][y]))
     return moment
-
-
-def column(x: Any, size: int, name: str) -> SX:
-    """A vector as an SX column, its size checked."""
-    vector = SX(x)
-    if vector.shape != (size, 1):
-        raise InputError(f"{name} has shape {vector.shape}, expected ({size}, 1)")
-    return vector
 
 
 def _vector(x: Any, size: int, name: str) -> Vector:

@@ -92,7 +92,7 @@ class ActuatorMap:
 
 @dataclass(frozen=True, eq=False)
 class LinkInertia:
-    """Mass [kg], centre of mass ``(3,)`` [m] and inertia ``(3, 3)`` about it [kg m^2], in the axes of a link's frame."""
+    """Mass [kg], centre of mass ``(3,)`` [m] and inertia ``(3, 3)`` about it [kg m^2], in the link frame's axes."""
 
     mass: float
     centre: Any = (0.0, 0.0, 0.0)
@@ -244,7 +244,7 @@ class Robot:
         limits: Limits | None = None,
         tool_frame: str | None = None,
         locked: Mapping[str, float] | None = None,
-        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        gravity: npt.ArrayLike = (0.0, 0.0, -9.81),
     ) -> Self:
         """Robot of a URDF: its joints, inertias and limits (position, velocity, effort); friction is left out.
 
@@ -275,7 +275,7 @@ class Robot:
                 joint_is_revolute(model, index)
                 coordinates[model.joints[index].idx_q] = value
             model = pin.buildReducedModel(model, indices, coordinates)
-        model.gravity.linear = np.array(gravity, dtype=float)
+        _set_gravity(model, gravity)
         tool, tool_joint = pin.SE3.Identity(), None
         if tool_frame is not None:
             frames = {frame.name: frame for frame in model.frames if frame.parentJoint > 0}
@@ -306,7 +306,7 @@ class Robot:
         prefix: Sequence[AxisJoint] = (),
         base: pin.SE3 | None = None,
         tool: pin.SE3 | None = None,
-        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        gravity: npt.ArrayLike = (0.0, 0.0, -9.81),
         joints: Sequence[str] | None = None,
         units: Sequence[str] | None = None,
         limits: Limits | None = None,
@@ -354,7 +354,7 @@ class Robot:
                 chain.constant(about_z * about_x)
             chain.body(inertia)
         model = chain.model
-        model.gravity.linear = np.array(gravity, dtype=float)
+        _set_gravity(model, gravity)
         if units is None:
             if actuator_map is not None:
                 raise RobotDefinitionError("units of the actuators are needed with an actuator map")
@@ -400,6 +400,13 @@ def _screw(axis: int, angle: float, length: float) -> pin.SE3:
     if not np.isfinite([angle, length]).all():
         raise RobotDefinitionError(f"a DH row has an angle {angle} rad and a length {length} m, expected finite ones")
     return pin.SE3(pin.utils.rotate("xyz"[axis], float(angle)), float(length) * np.eye(3)[axis])
+
+
+def _set_gravity(model: pin.Model, gravity: npt.ArrayLike) -> None:
+    vector = np.array(gravity, dtype=float)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise RobotDefinitionError(f"gravity is {gravity!r}, expected three finite numbers [m/s^2]")
+    model.gravity.linear = vector
 
 
 def _units(model: pin.Model) -> tuple[str, ...]:

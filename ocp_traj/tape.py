@@ -202,30 +202,39 @@ _FLOAT: dict[int, Operation] = _table(
 # --- Intervals: boxes (2, N), or (2, 1) where all columns are the same ------------------------------------------------
 
 _MAX = np.finfo(np.float64).max
-_ENTIRE = np.array([[-np.inf], [np.inf]])
+_ENTIRE, _INWARD = np.array([[-np.inf], [np.inf]]), np.array([[_MAX], [-_MAX]])
 _PI, _HALF_PI = np.nextafter(np.pi, np.inf), np.nextafter(np.pi / 2, np.inf)  # bounds from above
 _HUGE_ANGLE = 1e5  # [rad] our choice: the range of sin, cos and tan is not resolved beyond
 _FULL_TURN = np.array([[-4.0], [4.0]])  # [rad] a box with every extremum of sin and cos inside
 
+Margin = tuple[Array, Array]  # relative and absolute
+
 # x + (a |x| + b), in floats, is the next float after x or the one after that: Rump, Zimmermann, Boldo and Melquiond
 # (2009), BIT 49(2), Algorithm 1.
-_NEXT = (2.0**-53 * (1.0 + 2.0**-52), 2.0**-1074)
-_ULPS = (4.5 * 2.0**-52, 2.0**-1022)  # 4 ulp are left after rounding; a result below 2^-1022 may be flushed to zero
+_NEXT: Margin = (np.array(2.0**-53 * (1.0 + 2.0**-52)), np.array(2.0**-1074))
+_ULPS: Margin = (np.array(4.5 * 2.0**-52), np.array(2.0**-1022))  # >= 4 ulp once rounded; below 2^-1022 a flush to zero
 
 
-def _outward(box: Array, margin: tuple[float, float]) -> Array:
-    """The box with margin[0] |end| + margin[1] more at each end."""
+def _outward(box: Array, margin: Margin) -> Array:
+    """The box wider by the margin at each end."""
     more = np.abs(box)
     more *= margin[0]
     more += margin[1]
-    result = np.empty_like(box)
+    np.negative(more[0], out=more[0])
     try:
-        np.subtract(box[0], more[0], out=result[0])
-        np.add(box[1], more[1], out=result[1])
-    except FloatingPointError:  # inf - inf: an end overflowed inward
-        more = np.minimum(more, _MAX)
-        np.minimum(box[0] - more[0], _MAX, out=result[0])
-        np.maximum(box[1] + more[1], -_MAX, out=result[1])
+        result: Array = box + more
+    except FloatingPointError:  # inf - inf: an end that overflowed inward
+        with np.errstate(invalid="ignore"):
+            result = box + more
+        result = np.where(np.isnan(result), _INWARD, result)
+    return result
+
+
+def _hull(values: Array) -> Array:
+    """Least and greatest of each column."""
+    result = np.empty((2, values.shape[1]))
+    np.minimum.reduce(values, axis=0, out=result[0])
+    np.maximum.reduce(values, axis=0, out=result[1])
     return result
 
 
@@ -237,10 +246,11 @@ def _boxes(lower: Array, upper: Array) -> Array:
 
 
 def _constant(value: float) -> Array:
-    return _boxes(np.array([[value]]), np.array([[value]]))[0]
+    box: Array = _boxes(np.array([[value]]), np.array([[value]]))[0]
+    return box
 
 
-def _corners(function: Operation, margin: tuple[float, float]) -> Operation:
+def _corners(function: Operation, margin: Margin) -> Operation:
     """Extension of a function of two variables with its extrema over a box at the corners."""
 
     def extension(x: Array, y: Array) -> Array:
@@ -250,8 +260,7 @@ def _corners(function: Operation, margin: tuple[float, float]) -> Operation:
             with np.errstate(invalid="ignore"):
                 values = function(x[:, None], y[None])
             values[np.isnan(values)] = 0.0
-        values = values.reshape(4, -1)
-        return _outward(np.stack((values.min(axis=0), values.max(axis=0))), margin)
+        return _outward(_hull(values.reshape(4, -1)), margin)
 
     return extension
 
@@ -269,7 +278,7 @@ def _increasing(
     function: Operation,
     domain: tuple[float, float] | None = None,
     image: tuple[float, float] | None = None,
-    margin: tuple[float, float] = _ULPS,
+    margin: Margin = _ULPS,
 ) -> Operation:
     """Extension of an increasing function of one variable."""
 
@@ -324,9 +333,12 @@ def _power(x: Array, y: Array) -> Array:
     return np.where(x[0] < 0.0, _ENTIRE, _exp(_multiply(y, _log(x))))
 
 
-def _crosses(x: Array, period: float, first: float) -> Any:
-    """Whether the box may hold ``first + k period``, [rad], for an integer k."""
-    turns = _outward((x - first) / period, (_ULPS[0], _ULPS[0]))  # more than the rounding, of pi too
+def _turns(x: Array, period: float, first: float) -> Array:
+    """The box in periods after ``first``, [rad]; the margin is more than the rounding, that of pi included."""
+    return _outward((x - first) / period, (_ULPS[0], _ULPS[0]))
+
+
+def _holds_integer(turns: Array) -> Any:
     return np.floor(turns[1]) >= np.ceil(turns[0])
 
 
@@ -339,24 +351,25 @@ def _wave(function: Operation, peak: float) -> Operation:
 
     def extension(x: Array) -> Array:
         x = np.where(_is_huge(x), _FULL_TURN, x)
-        result = np.sort(_apply(function, x), axis=0)
-        result = np.minimum(np.maximum(_outward(result, _ULPS), -1.0), 1.0)
-        result[0][_crosses(x, 2.0 * np.pi, peak + np.pi)] = -1.0
-        result[1][_crosses(x, 2.0 * np.pi, peak)] = 1.0
+        result = np.minimum(np.maximum(_outward(_hull(_apply(function, x)), _ULPS), -1.0), 1.0)
+        turns = _turns(x, 2.0 * np.pi, peak)
+        result[0][_holds_integer(turns - 0.5)] = -1.0
+        result[1][_holds_integer(turns)] = 1.0
         return result
 
     return extension
 
 
 def _tan(x: Array) -> Array:
-    pole = _is_huge(x) | _crosses(x, np.pi, np.pi / 2)
+    pole = _is_huge(x) | _holds_integer(_turns(x, np.pi, np.pi / 2))
     return np.where(pole, _ENTIRE, _outward(_apply(np.tan, np.where(pole, 0.0, x)), _ULPS))
 
 
 def _angle(y: Array, x: Array) -> Array:
     """Extension of atan2(y, x), [rad]: all of it for a box that touches the half-line y = 0, x <= 0."""
     cut = (y[0] <= 0.0) & (y[1] >= 0.0) & (x[0] <= 0.0)
-    return np.minimum(np.maximum(np.where(cut, _ENTIRE, _atan2(y, x)), -_PI), _PI)
+    result: Array = np.minimum(np.maximum(np.where(cut, _ENTIRE, _atan2(y, x)), -_PI), _PI)
+    return result
 
 
 def _length(x: Array, y: Array) -> Array:

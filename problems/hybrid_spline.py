@@ -53,8 +53,15 @@ class Guo2016:
 
     payload: float = 10.0  # m_p [kg], sect. 6
     convention: str = "physical"  # of CONVENTIONS
-    weights: tuple[float, float, float, float] = (0.3, 0.3, 0.2, 0.2)  # w of time, energy, jerk, acceleration; sect. 3.1
-    via_points: str = "rederived"  # of VIA_POINTS: inverse kinematics of (156), or Table 6's digits with row 6 corrected
+    weights: tuple[float, float, float, float] = (
+        0.3,
+        0.3,
+        0.2,
+        0.2,
+    )  # w of time, energy, jerk, acceleration; sect. 3.1
+    via_points: str = (
+        "rederived"  # of VIA_POINTS: inverse kinematics of (156), or Table 6's digits with row 6 corrected
+    )
     min_interval: float = 0.02  # [s], of the four intervals without a displacement: our choice
     max_interval: float = 4.0  # [s], of every interval: our choice
     free_payload: bool = False  # whether the payload is a decision variable; sect. 5
@@ -68,7 +75,11 @@ class Guo2016:
             raise InputError(f"convention is {self.convention!r}; allowed are {', '.join(CONVENTIONS)}")
         if self.via_points not in VIA_POINTS:
             raise InputError(f"via_points is {self.via_points!r}; allowed are {', '.join(VIA_POINTS)}")
-        if len(self.weights) != 4 or not all(np.isfinite(w) and w >= 0.0 for w in self.weights) or not any(self.weights):
+        if (
+            len(self.weights) != 4
+            or not all(np.isfinite(w) and w >= 0.0 for w in self.weights)
+            or not any(self.weights)
+        ):
             raise InputError(
                 f"weights are {self.weights}; give four numbers, zero or more and not all zero: time, energy, jerk, acceleration"
             )
@@ -212,13 +223,24 @@ def build(case: Guo2016 | None = None) -> Problem:
     objectives = [
         Objective("time", "s", 1.0, eq="(113)", of_variables=lambda x, p: casadi.sum1(x[:12])),
         Objective("energy", "N2 m2/s", 1000.0, eq="(114)", integrand=energy, quadrature=TRAPEZOID),
-        Objective("jerk", "(m2+rad2)/s5", 10.0, eq="(115)", integrand=lambda s: casadi.sumsqr(s.jerk), quadrature=MIDPOINT),
-        Objective("acceleration", "(m2+rad2)/s3", 1.0, eq="(116)", integrand=lambda s: casadi.sumsqr(s.a), quadrature=TRAPEZOID),
+        Objective(
+            "jerk", "(m2+rad2)/s5", 10.0, eq="(115)", integrand=lambda s: casadi.sumsqr(s.jerk), quadrature=MIDPOINT
+        ),
+        Objective(
+            "acceleration",
+            "(m2+rad2)/s3",
+            1.0,
+            eq="(116)",
+            integrand=lambda s: casadi.sumsqr(s.a),
+            quadrature=TRAPEZOID,
+        ),
     ]
     terms = {o.id: w / o.scale for o, w in zip(objectives, case.weights, strict=True)}
     objectives.append(Objective("cost", "-", 1.0, eq="(112), (153)", terms=terms))
     if case.free_payload:
-        objectives.append(Objective("payload_mass", "kg", 10.0, sense="max", eq="(123)", of_variables=lambda x, p: x[12]))
+        objectives.append(
+            Objective("payload_mass", "kg", 10.0, sense="max", eq="(123)", of_variables=lambda x, p: x[12])
+        )
 
     def guess(rng: np.random.Generator) -> Array:
         # Step 3 of sect. 4: random intervals above (152); the first and last displacement cut in two at random.
@@ -233,11 +255,21 @@ def build(case: Guo2016 | None = None) -> Problem:
 
     limits = [
         PathConstraint.on_derivative(f"{name}-limit", order, *LIMITS.bounds(name), units, JOINTS, eq)
-        for order, (name, eq) in enumerate([("position", "(118)"), ("velocity", "(119)"), ("acceleration", "(120)"), ("jerk", "(121)")])
+        for order, (name, eq) in enumerate(
+            [("position", "(118)"), ("velocity", "(119)"), ("acceleration", "(120)"), ("jerk", "(121)")]
+        )
         for units in [tuple(unit + ("", "/s", "/s2", "/s3")[order] for unit in UNITS)]
     ]
-    limits.append(PathConstraint("force", force, *LIMITS.bounds("effort"), machine.effort_units, ("F1", "F2", "F3", "tau4", "tau5"), "(122)"))
-    limits.append(PathConstraint("yaw", lambda s: s.q[1] - s.q[0], np.array([-L1]), np.array([L1]), ("m",), ("X_S2 - X_S1",), "(7)"))
+    limits.append(
+        PathConstraint(
+            "force", force, *LIMITS.bounds("effort"), machine.effort_units, ("F1", "F2", "F3", "tau4", "tau5"), "(122)"
+        )
+    )
+    limits.append(
+        PathConstraint(
+            "yaw", lambda s: s.q[1] - s.q[0], np.array([-L1]), np.array([L1]), ("m",), ("X_S2 - X_S1",), "(7)"
+        )
+    )
     rest = PointConstraint(
         "rest", lambda s: casadi.vertcat(s.v, s.a), ((0, 0.0), (-1, 1.0)), np.zeros(10), np.zeros(10),
         tuple(f"{u}/s" for u in UNITS) + tuple(f"{u}/s2" for u in UNITS),

@@ -1,1 +1,1 @@
-"""Solvers, one file per method."""
+"""Solvers, one file a method: frozen values with a ``solve`` method, composable."""

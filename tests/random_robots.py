@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from ocp_traj.dynamics import joint_is_revolute
 from ocp_traj.robot import Limits, Robot
 
 Array = npt.NDArray[np.float64]
@@ -45,16 +46,16 @@ def random_model(
         joints: their number.
         kinds: drawn from for each joint.
         aligned: axes along x, y or z (True), any axes (False), or a mix of both (None).
-        branching: hang each joint on any earlier one (or the world), not always on the last.
+        branching: hang each joint on one of the last three (or the world), not always on the last.
     """
     model = pin.Model()
     model.name = "random"
     for i in range(joints):
-        kind = kinds[rng.integers(len(kinds))]
+        kind = kinds[int(rng.integers(len(kinds)))]
         along = bool(rng.integers(2)) if aligned is None else aligned
         axis = rng.normal(size=3)
         joint = ALIGNED[kind][rng.integers(3)]() if along else UNALIGNED[kind](axis / np.linalg.norm(axis))
-        parent = int(rng.integers(i + 1)) if branching else i
+        parent = int(rng.integers(max(0, i - 2), i + 1)) if branching else i
         index = model.addJoint(parent, joint, random_placement(rng), f"joint{i + 1}")
         model.appendBodyToJoint(index, random_inertia(rng), pin.SE3.Identity())
     model.armature = rng.uniform(0.0, 0.5, size=joints)
@@ -63,7 +64,7 @@ def random_model(
 
 
 def random_states(rng: np.random.Generator, size: int, count: int) -> tuple[Array, Array, Array]:
-    """q within +-3, v and a within some +-3 and +-6, each ``(size, count)``."""
+    """Coordinates q within +-3, v and a within some +-3 and +-6, each ``(size, count)``."""
     q = rng.uniform(-3.0, 3.0, size=(size, count))
     return q, rng.normal(size=(size, count)), 2.0 * rng.normal(size=(size, count))
 
@@ -79,7 +80,7 @@ def random_robot(rng: np.random.Generator, joints: int) -> Robot:
     return Robot(
         model=model,
         joints=tuple(model.names)[1:],
-        units=tuple("m" if "Prismatic" in j.shortname() or "ModelP" in j.shortname() else "rad" for j in model.joints[1:]),
+        units=tuple("rad" if joint_is_revolute(model, i) else "m" for i in range(1, model.njoints)),
         limits=Limits(position=(middle - 2.0, middle + 2.0), **symmetric),
         tool=random_placement(rng),
     )

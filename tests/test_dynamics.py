@@ -40,7 +40,7 @@ def make_model(name: str) -> pin.Model:
 
 
 def rnea(model: pin.Model, states: tuple[Array, Array, Array], wrench_on_last: pin.Force | None = None) -> Array:
-    """pinocchio's torques, ``(nv, count)``."""
+    """Torques of pinocchio, ``(nv, count)``."""
     data = model.createData()
     if wrench_on_last is None:
         return np.stack([pin.rnea(model, data, *state) for state in zip(*(x.T for x in states), strict=True)], axis=1)
@@ -157,8 +157,9 @@ def test_last_joint_is_the_default_of_forward_kinematics() -> None:
 def test_axis_against_a_coordinate_axis() -> None:
     model = pin.Model()
     for i, axis in enumerate(-np.eye(3)):
-        index = model.addJoint(i, pin.JointModelRevoluteUnaligned(axis), random_placement(np.random.default_rng(i)), f"j{i}")
-        model.appendBodyToJoint(index, random_inertia(np.random.default_rng(i)), pin.SE3.Identity())
+        rng = np.random.default_rng(i)
+        index = model.addJoint(i, pin.JointModelRevoluteUnaligned(axis), random_placement(rng), f"j{i}")
+        model.appendBodyToJoint(index, random_inertia(rng), pin.SE3.Identity())
     states = random_states(np.random.default_rng(7), 3, 100)
     assert relative_error(symbolic(model)(states), rnea(model, states)) <= TOLERANCE
 

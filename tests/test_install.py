@@ -14,7 +14,7 @@ import pytest
 pytestmark = pytest.mark.slow
 
 CHECKOUT = Path(__file__).resolve().parent.parent
-PARTS = ("pyproject.toml", "README.md", "LICENSE", "ocp_traj", "problems", "solvers")
+PACKAGES = ("ocp_traj", "problems", "solvers")
 WHERE_IMPORTED = """
 import ocp_traj, ocp_traj.problems, ocp_traj.solvers
 for module in (ocp_traj, ocp_traj.problems, ocp_traj.solvers):
@@ -41,6 +41,13 @@ class Install:
     def folder(self, where: str) -> Path:
         return self.root if where == "root" else self.elsewhere
 
+    def packages(self, where: str) -> list[Path]:
+        """Where the three packages come from: a checkout hides, from its root, an installed package."""
+        if self.kind == "editable" or where == "root":
+            return [self.root / name for name in PACKAGES]
+        top = self.site_packages / "ocp_traj"
+        return [top, top / "problems", top / "solvers"]
+
 
 @pytest.fixture(scope="module", params=["editable", "plain"])
 def install(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Install:
@@ -49,11 +56,10 @@ def install(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     root, elsewhere, environment = base / "checkout", base / "elsewhere", base / "venv"
     root.mkdir()
     elsewhere.mkdir()
-    for part in PARTS:
-        if (CHECKOUT / part).is_dir():
-            shutil.copytree(CHECKOUT / part, root / part, ignore=shutil.ignore_patterns("__pycache__"))
-        else:
-            shutil.copy(CHECKOUT / part, root / part)
+    for file in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(CHECKOUT / file, root)
+    for package in PACKAGES:
+        shutil.copytree(CHECKOUT / package, root / package, ignore=shutil.ignore_patterns("__pycache__"))
 
     venv.create(environment, with_pip=False, symlinks=True)
     python = environment / "bin" / "python"
@@ -72,18 +78,8 @@ def install(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
 @pytest.mark.parametrize("where", ["root", "elsewhere"])
 def test_problems_and_solvers_import(install: Install, where: str) -> None:
-    top, problems, solvers = map(
-        Path, install.run([install.python, "-c", WHERE_IMPORTED], cwd=install.folder(where)).split()
-    )
-    if install.kind == "editable" or where == "root":  # from the root the checkout hides an installed package
-        assert top == install.root / "ocp_traj" / "__init__.py"
-        assert problems == install.root / "problems" / "__init__.py"
-        assert solvers == install.root / "solvers" / "__init__.py"
-    else:
-        package = install.site_packages / "ocp_traj"
-        assert top == package / "__init__.py"
-        assert problems == package / "problems" / "__init__.py"
-        assert solvers == package / "solvers" / "__init__.py"
+    files = install.run([install.python, "-c", WHERE_IMPORTED], cwd=install.folder(where)).splitlines()
+    assert [Path(file) for file in files] == [package / "__init__.py" for package in install.packages(where)]
 
 
 @pytest.mark.parametrize("where", ["root", "elsewhere"])
@@ -108,17 +104,9 @@ def test_one_top_level_name_is_claimed(install: Install) -> None:
     assert claimed.split() == ["ocp_traj"]
 
 
-def test_types_are_shipped(install: Install) -> None:
-    if install.kind == "editable":
-        assert (install.root / "ocp_traj" / "py.typed").is_file()
-    else:
-        assert (install.site_packages / "ocp_traj" / "py.typed").is_file()
-
-
-def test_every_module_is_shipped(install: Install) -> None:
-    if install.kind == "editable":
-        pytest.skip("an editable install copies no module")
-    package = install.site_packages / "ocp_traj"
-    for source, target in (("ocp_traj", package), ("problems", package / "problems"), ("solvers", package / "solvers")):
-        for module in (install.root / source).rglob("*.py"):
-            assert (target / module.relative_to(install.root / source)).is_file(), module
+def test_types_and_every_module_are_shipped(install: Install) -> None:
+    packages = install.packages("elsewhere")
+    assert (packages[0] / "py.typed").is_file()
+    for name, package in zip(PACKAGES, packages, strict=True):
+        shipped = {path.relative_to(package) for path in package.glob("*.py")}
+        assert shipped == {path.relative_to(install.root / name) for path in (install.root / name).glob("*.py")}

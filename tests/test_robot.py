@@ -26,7 +26,11 @@ TABLE_4 = (  # mass [kg], inertia [kg mm^2], centre [mm]
     ),
     (
         21.333,
-        [[1475990.573, -3970.014, -748196.633], [-3970.014, 2366543.574, -8327.223], [-748196.633, -8327.223, 911968.216]],
+        [
+            [1475990.573, -3970.014, -748196.633],
+            [-3970.014, 2366543.574, -8327.223],
+            [-748196.633, -8327.223, 911968.216],
+        ],
         [-304.563, -1.306, -278.925],
     ),
     (
@@ -126,9 +130,10 @@ def test_hybrid_tool_pose_equals_the_papers_closed_form() -> None:
     for x, _, _ in hybrid_states(200):
         alpha = np.arctan((x[1] - x[0]) / L1)
         (sp, cp), (s5, c5) = ((np.sin(t), np.cos(t)) for t in (alpha + x[3], x[4]))
-        a = [cp * (c5 - 1) / 2 - sp * s5 / np.sqrt(2), sp * (c5 - 1) / 2 + cp * s5 / np.sqrt(2), (1 + c5) / 2]  # (16)-(18)
-        o = [sp * s5 / np.sqrt(2) - cp * (1 + c5) / 2, -cp * s5 / np.sqrt(2) - sp * (1 + c5) / 2, (1 - c5) / 2]  # (20)-(22)
-        n = [-sp * c5 - cp * s5 / np.sqrt(2), cp * c5 - sp * s5 / np.sqrt(2), -s5 / np.sqrt(2)]  # (24)-(26)
+        r = s5 / np.sqrt(2)
+        a = [cp * (c5 - 1) / 2 - sp * r, sp * (c5 - 1) / 2 + cp * r, (1 + c5) / 2]  # (16)-(18)
+        o = [sp * r - cp * (1 + c5) / 2, -cp * r - sp * (1 + c5) / 2, (1 - c5) / 2]  # (20)-(22)
+        n = [-sp * c5 - cp * r, cp * c5 - sp * r, -r]  # (24)-(26)
         p = [  # (12)-(14) with e = 0
             (x[0] + x[1]) / 2 + L3 * np.cos(alpha) + LP * a[0],
             L3 * np.sin(alpha) + LP * a[1],
@@ -185,7 +190,9 @@ def test_friction_acts_on_the_actuators() -> None:
 
 def test_actuator_power_equals_joint_power() -> None:
     robot = random_robot(np.random.default_rng(8), 3)
-    mixed = replace(robot, actuator_map=ActuatorMap("coupled", lambda q: ca.vertcat(q[0] + q[1] ** 2, ca.sin(q[1]), q[2])))
+    mixed = replace(
+        robot, actuator_map=ActuatorMap("coupled", lambda q: ca.vertcat(q[0] + q[1] ** 2, ca.sin(q[1]), q[2]))
+    )
     q, v, a = (SX.sym(name, 3) for name in "qva")
     s = mixed.actuator_map.position(q) if mixed.actuator_map else q
     rate = ca.jtimes(s, q, v)
@@ -257,7 +264,10 @@ def test_limits_become_lower_and_upper_per_order() -> None:
         ({"acceleration": [-1.0, 1.0]}, "acceleration limit of joint 1"),
         ({"effort": [1.0, np.nan]}, "effort limit of joint 2 is .*no NaN"),
         ({"position": ([0.0, 2.0], [1.0, 1.0])}, r"position limit of joint 2 is \[2.0, 1.0\]"),
-        ({"velocity": [1.0], "effort": [1.0, 2.0]}, "limits are of different numbers of joints: {'velocity': 1, 'effort': 2}"),
+        (
+            {"velocity": [1.0], "effort": [1.0, 2.0]},
+            "limits are of different numbers of joints: {'velocity': 1, 'effort': 2}",
+        ),
     ],
 )
 def test_bad_limits_are_explained(fields: dict[str, Any], message: str) -> None:
@@ -298,7 +308,10 @@ def row_transform(row: DHRow, q: float, convention: str) -> Array:
 def test_dh_rows_equal_explicit_products_and_their_energy(convention: str) -> None:
     rng = np.random.default_rng(21)
     kinds = ("fixed", "revolute", "prismatic", "revolute", "fixed", "revolute", "prismatic", "fixed", "fixed")
-    rows = [DHRow(*rng.normal(size=4), kind) for kind in kinds]
+    rows = [
+        DHRow(theta, d, a, alpha, kind)
+        for kind, (theta, d, a, alpha) in zip(kinds, rng.normal(size=(9, 4)), strict=True)
+    ]
     bodies = [random_inertia(rng) for _ in rows]
     inertias = [LinkInertia(b.mass, b.lever, b.inertia) for b in bodies]
     base, tool, gravity = random_placement(rng), random_placement(rng), rng.normal(size=3)
@@ -317,7 +330,7 @@ def test_dh_rows_equal_explicit_products_and_their_energy(convention: str) -> No
     def potential(q: Array) -> float:
         """Of the moving bodies, from their DH frames [J]."""
         pairs = list(zip(bodies, frames(q), strict=True))[1:]  # row 0 is fixed to the world
-        return -sum(b.mass * gravity @ (t @ np.append(b.lever, 1.0))[:3] for b, t in pairs)
+        return float(-sum(b.mass * gravity @ (t @ np.append(b.lever, 1.0))[:3] for b, t in pairs))
 
     symbol, zero, step = SX.sym("q", 5), SX.zeros(5), 1e-5  # step [rad or m]
     pose = ca.Function("pose", [symbol], robot.tool_pose(symbol))
@@ -347,7 +360,9 @@ def test_dh_inertia_is_carried_into_the_joint_frame(convention: str) -> None:
 
 def test_bad_chains_are_explained() -> None:
     row, link = DHRow(), LinkInertia(1.0)
-    with pytest.raises(RobotDefinitionError, match="'craig' is not a convention; allowed are 'standard' and 'modified'"):
+    with pytest.raises(
+        RobotDefinitionError, match="'craig' is not a convention; allowed are 'standard' and 'modified'"
+    ):
         Robot.from_dh([row], [link], convention="craig")
     with pytest.raises(RobotDefinitionError, match="1 inertias for 2 rows; give one per row, None if massless"):
         Robot.from_dh([row, row], [link])
@@ -359,6 +374,8 @@ def test_bad_chains_are_explained() -> None:
         Robot.from_dh([DHRow(theta=np.nan)], [link])
     with pytest.raises(RobotDefinitionError, match=r"axis of joint 1 is \(0.0, 0.0, 0.0\)"):
         Robot.from_dh([], [], prefix=[AxisJoint("revolute", (0.0, 0.0, 0.0))])
+    with pytest.raises(RobotDefinitionError, match="gravity is 9.81, expected three finite numbers"):
+        Robot.from_dh([row], [link], gravity=9.81)
     with pytest.raises(RobotDefinitionError, match="units of the actuators are needed"):
         Robot.from_dh([row], [link], actuator_map=ActuatorMap("same", lambda q: q))
     with pytest.raises(RobotDefinitionError, match="mass is -1.0 kg"):
@@ -406,7 +423,9 @@ def test_urdf_gives_joints_limits_tool_and_dynamics(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text('<?xml version="1.0"?>\n' + URDF, encoding="utf-8")
     for source in (URDF, path, str(path)):
-        robot = Robot.from_urdf(source, tool_frame="hand", limits=Limits(jerk=[1.0, 2.0, 3.0], velocity=[1.0, 1.0, 1.0]))
+        robot = Robot.from_urdf(
+            source, tool_frame="hand", limits=Limits(jerk=[1.0, 2.0, 3.0], velocity=[1.0, 1.0, 1.0])
+        )
         assert robot.joints == ("shoulder", "slide", "grip")
         assert robot.units == ("rad", "m", "m")
         assert robot.limits.position.tolist() == [[-1.0, 0.0, 0.0], [2.0, 0.5, 0.04]]
@@ -418,8 +437,8 @@ def test_urdf_gives_joints_limits_tool_and_dynamics(tmp_path: Path) -> None:
         data, rng = model.createData(), np.random.default_rng(0)
         symbol = SX.sym("q", 3)
         pose, effort = ca.Function("pose", [symbol], robot.tool_pose(symbol)), effort_function(robot, payload=2.0)
-        loaded = model.copy()
-        loaded.appendBodyToJoint(2, pin.Inertia(2.0, np.zeros(3), np.zeros((3, 3))), robot.tool)  # the hand is on the slide
+        loaded, on_slide = model.copy(), 2  # the hand is fixed to the slide
+        loaded.appendBodyToJoint(on_slide, pin.Inertia(2.0, np.zeros(3), np.zeros((3, 3))), robot.tool)
         for q, v, a in zip(*(x.T for x in random_states(rng, 3, 20)), strict=True):
             pin.framesForwardKinematics(model, data, q)
             expected = data.oMf[model.getFrameId("hand")]
@@ -441,7 +460,9 @@ def test_urdf_joint_can_be_locked() -> None:
         assert np.abs(np.asarray(effort(q, v, a))[:, 0] - tau).max() <= 1e-9 * np.abs(tau).max()
     mimic = URDF.replace(FINGER, FINGER + '<mimic joint="slide" multiplier="2"/>')
     assert Robot.from_urdf(mimic, locked={"grip": 0.0}).joints == ("shoulder", "slide")
-    with pytest.raises(UnsupportedJoint, match=r"joint 'grip' of the URDF string is a mimic joint.*locked={'grip': 0.0}"):
+    with pytest.raises(
+        UnsupportedJoint, match=r"joint 'grip' of the URDF string is a mimic joint.*locked={'grip': 0.0}"
+    ):
         Robot.from_urdf(mimic)
     with pytest.raises(RobotDefinitionError, match="'claw' is not a joint of 'arm'"):
         Robot.from_urdf(URDF, locked={"claw": 0.0})
@@ -457,8 +478,14 @@ def test_urdf_joint_can_be_locked() -> None:
             '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arm/></robot>',
             "the URDF string is a xacro file, not a URDF; run xacro",
         ),
-        (URDF.replace('velocity="0.2"', 'velocity="0"'), r"velocity limit of joint 2 is .*'slide'.*override it with limits="),
-        (URDF.replace('"revolute"', '"continuous"'), "joint 'shoulder' of 'arm' is a RUBZ.*Give a continuous joint limits"),
+        (
+            URDF.replace('velocity="0.2"', 'velocity="0"'),
+            r"velocity limit of joint 2 is .*'slide'.*override it with limits=",
+        ),
+        (
+            URDF.replace('"revolute"', '"continuous"'),
+            "joint 'shoulder' of 'arm' is a RUBZ.*Give a continuous joint limits",
+        ),
         (URDF.replace('"revolute"', '"planar"'), "joint 'shoulder' of 'arm' is a "),
     ],
 )
@@ -468,13 +495,17 @@ def test_bad_urdf_is_explained(xml: str, message: str) -> None:
 
 
 def test_bad_urdf_source_is_explained(tmp_path: Path) -> None:
-    with pytest.raises(RobotDefinitionError, match="URDF file .*nowhere.urdf' does not exist; give a path, or the XML itself"):
+    with pytest.raises(
+        RobotDefinitionError, match="URDF file .*nowhere.urdf' does not exist; give a path, or the XML itself"
+    ):
         Robot.from_urdf(tmp_path / "nowhere.urdf")
     binary = tmp_path / "mesh.stl"
     binary.write_bytes(b"\xff\xfe\x00\x80")
     with pytest.raises(RobotDefinitionError, match="is not a URDF: it is not text"):
         Robot.from_urdf(binary)
-    with pytest.raises(RobotDefinitionError, match=r"'gripper' does not move in the URDF string; frames are \['fore', 'grip'"):
+    with pytest.raises(
+        RobotDefinitionError, match=r"'gripper' does not move in the URDF string; frames are \['finger', 'fore'"
+    ):
         Robot.from_urdf(URDF, tool_frame="gripper")
     with pytest.raises(RobotDefinitionError, match="'base' does not move"):
         Robot.from_urdf(URDF, tool_frame="base")

@@ -1,0 +1,42 @@
+"""Values of a limit along a trajectory, in floats: what scans, point checks and pictures need."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ocp_traj.problem import ORDERS, PathConstraint, PointConstraint, Requirements
+from ocp_traj.tape import Tape
+from ocp_traj.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+def limit_on(
+    trajectory: Trajectory,
+    requirements: Requirements,
+    limit: PathConstraint | PointConstraint,
+    segment: int,
+    u: ArrayLike,
+) -> Array:
+    """Values of a limit on one segment at local times ``u (N,)``: ``(rows, N)``, in the limit's units."""
+    local = np.atleast_1d(np.asarray(u, dtype=float))
+    states = np.concatenate([trajectory.curve.at(segment, local, order).T for order in range(len(ORDERS))])
+    tape = requirements.compiled(limit, "tape", lambda: Tape(requirements.function(limit)))
+    parameters = np.array([[trajectory.parameters[name]] for name in requirements.parameters]).reshape(-1, 1)
+    table = getattr(limit, "constants", None)
+    constants = np.zeros((0, 1)) if table is None else table[segment][:, None]
+    shared = [np.repeat(values, len(local), axis=1) for values in (parameters, constants)]
+    return np.asarray(tape.evaluate(states, local[None], *shared)[0])
+
+
+def limit_along(
+    trajectory: Trajectory, requirements: Requirements, limit: PathConstraint, per_segment: int = 50
+) -> tuple[Array, Array]:
+    """Times ``(N,)`` [s] and values ``(rows, N)`` of a limit over a whole trajectory; inner knots appear once a side."""
+    u = np.linspace(0.0, 1.0, per_segment)
+    curve = trajectory.curve
+    times = np.concatenate([curve.knots[k] + u * curve.durations[k] for k in range(curve.segments)])
+    return times, np.concatenate(
+        [limit_on(trajectory, requirements, limit, k, u) for k in range(curve.segments)], axis=1
+    )

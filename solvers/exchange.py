@@ -1,0 +1,233 @@
+"""Constraint exchange: few instants, solve, add the instants where a limit is broken between them, solve again.
+
+Blankenship and Falk (1976), JOTA 19(2), with instants that move with the variables: a new instant sits on a peak of
+g(x, u), where g_u = 0, and follows it to first order, u(x) = u_i + s (x - x_k) with s = -g_ux / g_uu. That makes the
+exchange converge quadratically where instants that stay gain a constant factor a round. It ends when the audit has
+proved every limit, so that the solution needs no further check.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import casadi
+import numpy as np
+from numpy.typing import NDArray
+
+from ocp_traj.audit import Audit, audit
+from ocp_traj.evaluate import limit_on
+from ocp_traj.nlp import Row, Solution, Status
+from ocp_traj.problem import PathConstraint, Problem
+from ocp_traj.progress import Progress, silent
+from ocp_traj.scalarise import Scalarisation
+from ocp_traj.solvers.ipopt import Ipopt
+from ocp_traj.trajectory import Trajectory
+from ocp_traj.transcription import (
+    BACK_OFF,
+    Instant,
+    evaluate_objectives,
+    few_instants,
+    limit_values,
+    trajectory,
+    transcribe,
+)
+
+Array = NDArray[np.float64]
+
+SCAN = 48  # samples a segment when looking for peaks: our choice, far denser than the degrees in use have peaks
+NEAR = 0.15  # of a segment: a new peak this close to a moving instant replaces it
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """Solves a problem until its trajectory is proved.
+
+    Attributes:
+        solver: of the NLPs.
+        max_rounds: solves.
+        back_off: tightening of the limits in the NLP, so that a solution at a limit can be proved to be within it.
+        repair: whether to slow an unproved last solution down until it is proved, where the problem allows that.
+        first: the first grid; None for ``few_instants``.
+        progress: told of each round.
+    """
+
+    solver: Ipopt = field(default_factory=Ipopt)
+    max_rounds: int = 10
+    back_off: float = BACK_OFF
+    repair: bool = True
+    first: Sequence[Instant] | None = None
+    progress: Progress = silent
+
+    def solve(
+        self, problem: Problem, scalarisation: Scalarisation, x0: Array, warm: Solution | None = None
+    ) -> Solution:
+        """Solves from ``x0 (n,)``; ``warm`` is an earlier solution of this problem, whose rows and multipliers are reused.
+
+        Returns:
+            A solution with its trajectory, objectives and audit; ``audit.proved`` says whether the exchange succeeded.
+        """
+        begun = time.perf_counter()
+        instants = list(self.first if self.first is not None else few_instants(problem))
+        x, solution, checked = np.asarray(x0, dtype=float), None, None
+        iterations = 0
+        for number in range(1, self.max_rounds + 1):
+            nlp = transcribe(problem, scalarisation, instants, self.back_off)
+            start = x if len(nlp.labels) == len(x) else np.append(x, 0.0)
+            solution = self.solver.solve(nlp, start, warm)
+            iterations += solution.iterations
+            solution = replace(solution, iterations=iterations, rounds=number, seconds=time.perf_counter() - begun)
+            if solution.status in (Status.FAILED, Status.ITERATION_LIMIT) and warm is not None:
+                warm = None  # multipliers of a far point can mislead: once more without
+                continue
+            if not solution.ok:
+                return solution
+            x = solution.x[: problem.size]
+            candidate = trajectory(problem, x)
+            checked = audit(candidate, problem.requirements)
+            self.progress(number, self.max_rounds, f"{len(nlp.rows)} rows, {checked.verdict}")
+            solution = _finish(problem, solution, x, candidate, checked, begun)
+            if checked.proved:
+                return solution
+            peaks = worst_instants(problem, candidate, checked, self.back_off)
+            instants, renamed = _merge(instants, peaks, x, problem)
+            inherited = {new: solution.multipliers.get(old, 0.0) for new, old in renamed.items()}
+            warm = replace(solution, multipliers={**solution.multipliers, **inherited})
+        assert solution is not None
+        if self.repair and checked is not None and problem.dilate is not None:
+            return repaired(problem, solution, begun)
+        return solution
+
+
+def _finish(
+    problem: Problem, solution: Solution, x: Array, candidate: Trajectory, checked: Audit, begun: float
+) -> Solution:
+    return replace(
+        solution,
+        x=x,
+        trajectory=candidate,
+        audit=checked,
+        objectives=evaluate_objectives(problem, x),
+        seconds=time.perf_counter() - begun,
+    )
+
+
+def repaired(problem: Problem, solution: Solution, begun: float) -> Solution:
+    """Slows a solution down, by the audit's own bounds, until it is proved; unchanged if that does not help.
+
+    Position limits and gravity do not scale, so this mends near misses only: at most one tenth slower.
+    """
+    assert problem.dilate is not None and solution.audit is not None
+    step = max(max((-row.margin for row in solution.audit.failures), default=0.0), 1e-9)
+    factor = 1.0
+    while (factor := factor + step) <= 1.1:
+        x = np.asarray(problem.dilate(solution.x, factor))
+        candidate = trajectory(problem, x)
+        checked = audit(candidate, problem.requirements)
+        if checked.proved and (x <= problem.upper).all():
+            return _finish(problem, replace(solution, status=Status.FEASIBLE), x, candidate, checked, begun)
+        step *= 2.0
+    return solution
+
+
+def worst_instants(
+    problem: Problem, candidate: Trajectory, checked: Audit, back_off: float = BACK_OFF
+) -> list[Instant]:
+    """The peaks at which a trajectory breaks its limits, each as an instant that moves with the variables."""
+    failing = {row.limit for row in checked.failures}
+    x = np.concatenate(list(candidate.variables.values()))
+    found: list[Instant] = []
+    for limit in problem.requirements.path_constraints:
+        if limit.id in failing:
+            found += _sharpened(problem, limit, _peaks(problem, limit, candidate, back_off), x, back_off)
+    return found
+
+
+def _scaled_bounds(limit: PathConstraint, back_off: float) -> tuple[Array, Array]:
+    return limit.lower / limit.scale + back_off, limit.upper / limit.scale - back_off
+
+
+def _peaks(problem: Problem, limit: PathConstraint, candidate: Trajectory, back_off: float) -> list[Instant]:
+    """Local maxima of the violation of one limit, from a scan: those above zero, or close enough to hide one that is."""
+    low, high = _scaled_bounds(limit, back_off)
+    u = np.linspace(0.0, 1.0, SCAN)
+    members: list[Instant] = []
+    for k in range(candidate.curve.segments):
+        values = limit_on(candidate, problem.requirements, limit, k, u) / limit.scale[:, None]
+        excess = np.maximum(values - high[:, None], low[:, None] - values)
+        left = np.pad(excess[:, :-1], ((0, 0), (1, 0)), constant_values=-np.inf)
+        right = np.pad(excess[:, 1:], ((0, 0), (0, 1)), constant_values=-np.inf)
+        fall = np.where(np.isfinite(left + right), np.maximum(excess - left, excess - right), 0.0)
+        peak = (excess >= left) & (excess > right) & (excess > -fall)
+        members += [Instant(limit.id, k, float(u[i]), (int(row),)) for row, i in zip(*np.nonzero(peak), strict=True)]
+    return members
+
+
+def _sharpened(
+    problem: Problem, limit: PathConstraint, members: list[Instant], x: Array, back_off: float
+) -> list[Instant]:
+    """Moves instants onto their peaks by Newton's method on g_u = 0; keeps those where the limit is broken."""
+    if not members:
+        return []
+    derivatives = _peak_function(problem, limit, members)
+    rows = np.array([m.rows[0] for m in members if m.rows])
+    low, high = (bound[rows] for bound in _scaled_bounds(limit, back_off))
+    first = np.array([m.u for m in members])
+    u, cell = first, 1.0 / (SCAN - 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for _ in range(4):
+            value, gu, guu, gux = (np.array(part) for part in derivatives(x, u))
+            step = np.nan_to_num(-gu.ravel() / guu.ravel(), nan=0.0, posinf=0.0, neginf=0.0)
+            u = np.clip(u + step, np.maximum(first - cell, 0.0), np.minimum(first + cell, 1.0))
+        value, gu, guu, gux = (np.array(part) for part in derivatives(x, u))
+    value = value.ravel()
+    broken = np.maximum(value - high, low - value) > 0.0
+    kept = []
+    for i in np.nonzero(broken)[0]:
+        # At the end of a segment the peak does not move; inside, g_u = 0 ties u to x.
+        inside = 0.0 < u[i] < 1.0 and abs(guu[i, 0]) > 1e-9
+        slope, anchor = (-gux[i] / guu[i, 0], x) if inside else (None, None)
+        kept.append(Instant(limit.id, members[i].segment, float(u[i]), members[i].rows, slope, anchor))
+    return kept
+
+
+def _peak_function(problem: Problem, limit: PathConstraint, members: list[Instant]) -> Any:
+    """Casadi Function (x, u ``(N,)``) -> scaled values, g_u, g_uu ``(N,)`` and g_ux ``(N, n)`` of one row an instant."""
+    x, u = casadi.MX.sym("x", problem.size), casadi.MX.sym("u", len(members))
+    values = casadi.vec(limit_values(problem, limit, members, x, u) / casadi.DM(limit.scale))
+    rows = [(m.rows or (0,))[0] + j * len(limit.labels) for j, m in enumerate(members)]
+    value = values[rows]
+    gu = casadi.gradient(casadi.sum1(value), u)
+    guu = casadi.gradient(casadi.sum1(gu), u)
+    return casadi.Function("peaks", [x, u], [value, gu, guu, casadi.densify(casadi.jacobian(gu, x))])
+
+
+def _merge(
+    instants: list[Instant], peaks: list[Instant], x: Array, problem: Problem
+) -> tuple[list[Instant], dict[Row, Row]]:
+    """Adds peaks to the grid; one close to an instant that moves replaces it, and inherits its multiplier."""
+    merged, renamed = list(instants), {}
+    for peak in peaks:
+        for i, old in enumerate(merged):
+            same = (old.limit, old.segment, old.rows) == (peak.limit, peak.segment, peak.rows) and old.slope is not None
+            if same and abs(_where(old, x) - peak.u) < NEAR:
+                renamed[_row(problem, peak)] = _row(problem, old)
+                merged[i] = peak
+                break
+        else:
+            merged.append(peak)
+    return merged, renamed
+
+
+def _where(instant: Instant, x: Array) -> float:
+    if instant.slope is None or instant.anchor is None:
+        return instant.u
+    return float(np.clip(instant.u + instant.slope @ (x - instant.anchor), 0.0, 1.0))
+
+
+def _row(problem: Problem, instant: Instant) -> Row:
+    limit = next(c for c in problem.requirements.path_constraints if c.id == instant.limit)
+    i = (instant.rows or (0,))[0]
+    return Row(limit.id, limit.labels[i], instant.segment, instant.u, limit.units[i], limit.scale[i])

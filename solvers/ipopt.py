@@ -1,0 +1,196 @@
+"""IPOPT through CasADi: local solves of an ``NLP``, warm starts, and a word on why a problem is infeasible.
+
+Waechter and Biegler (2006), Mathematical Programming 106(1). Of the linear solvers in CasADi's wheels, ``mumps`` and
+``spral`` work; the others are refused, for they fail late or end the process.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import casadi
+import numpy as np
+from numpy.typing import NDArray
+
+from ocp_traj.errors import InputError
+from ocp_traj.nlp import NLP, Conflict, Row, Solution, Status
+
+Array = NDArray[np.float64]
+
+LINEAR_SOLVERS = ("mumps", "spral")
+
+# IPOPT's return status, complete (IpReturnCodes_inc.h); an unknown one is FAILED, never SOLVED.
+_STATUS = {
+    "Solve_Succeeded": Status.SOLVED,
+    "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
+    "Feasible_Point_Found": Status.FEASIBLE,
+    "Infeasible_Problem_Detected": Status.INFEASIBLE,
+    "Search_Direction_Becomes_Too_Small": Status.FAILED,
+    "Diverging_Iterates": Status.UNBOUNDED,
+    "User_Requested_Stop": Status.INTERRUPTED,
+    "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
+    "Maximum_CpuTime_Exceeded": Status.TIME_LIMIT,
+    "Maximum_WallTime_Exceeded": Status.TIME_LIMIT,
+    "Restoration_Failed": Status.FAILED,
+    "Error_In_Step_Computation": Status.FAILED,
+    "Not_Enough_Degrees_Of_Freedom": Status.FAILED,
+    "Invalid_Problem_Definition": Status.FAILED,
+    "Invalid_Option": Status.FAILED,
+    "Invalid_Number_Detected": Status.FAILED,
+    "Unrecoverable_Exception": Status.FAILED,
+    "NonIpopt_Exception_Thrown": Status.FAILED,
+    "Insufficient_Memory": Status.FAILED,
+    "Internal_Error": Status.FAILED,
+}
+
+
+@dataclass(frozen=True)
+class Ipopt:
+    """IPOPT with exact Hessians.
+
+    Attributes:
+        tol: scaled KKT error.
+        max_iter: iterations.
+        max_seconds: wall time.
+        linear_solver: of ``LINEAR_SOLVERS``.
+        feasibility: scaled violation up to which a point counts as feasible, whatever IPOPT says.
+        options: further IPOPT options, by their own names.
+    """
+
+    tol: float = 1e-10
+    max_iter: int = 500
+    max_seconds: float = 600.0
+    linear_solver: str = "mumps"
+    feasibility: float = 1e-7
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Checks the linear solver."""
+        if self.linear_solver not in LINEAR_SOLVERS:
+            raise InputError(f"linear solver {self.linear_solver!r}; allowed are {', '.join(LINEAR_SOLVERS)}")
+
+    def solve(self, nlp: NLP, x0: Array, warm: Solution | None = None) -> Solution:
+        """Solves an NLP from ``x0 (n,)``.
+
+        Args:
+            nlp: the problem.
+            x0: starting point; clipped into the bounds.
+            warm: an earlier solution of a like NLP; its multipliers are matched row by row.
+
+        Returns:
+            A solution, which says so if there is none; ``conflicts`` are found where IPOPT ends infeasible.
+        """
+        begun = time.perf_counter()
+        solution = self._run(nlp, np.clip(x0, nlp.lower_x, nlp.upper_x), warm, begun)
+        if solution.status is Status.INFEASIBLE:
+            return replace(solution, conflicts=self.conflicts(nlp, solution.x), seconds=time.perf_counter() - begun)
+        return solution
+
+    def _settings(self, warm: bool) -> dict[str, Any]:
+        settings: dict[str, Any] = {
+            "print_level": 0,
+            "sb": "yes",
+            "tol": self.tol,
+            "acceptable_tol": max(1e-6, self.tol),
+            "max_iter": self.max_iter,
+            "max_wall_time": self.max_seconds,
+            "linear_solver": self.linear_solver,
+            "bound_relax_factor": 0.0,
+            "fixed_variable_treatment": "make_parameter",
+        }
+        if warm:
+            settings |= {
+                "warm_start_init_point": "yes",
+                "warm_start_bound_push": 1e-9,
+                "warm_start_bound_frac": 1e-9,
+                "warm_start_slack_bound_push": 1e-9,
+                "warm_start_slack_bound_frac": 1e-9,
+                "warm_start_mult_bound_push": 1e-9,
+                "mu_init": 1e-6,
+            }
+        return settings | dict(self.options)
+
+    def _run(self, nlp: NLP, x0: Array, warm: Solution | None, begun: float) -> Solution:
+        multipliers: dict[str, Array] = {}
+        if warm is not None and warm.bound_multipliers is not None and len(warm.bound_multipliers) == len(x0):
+            multipliers = {"lam_x0": warm.bound_multipliers, "lam_g0": matched_multipliers(nlp, warm)}
+        options = {"print_time": False, "error_on_fail": False, "ipopt": self._settings(bool(multipliers))}
+        solver = casadi.nlpsol("solver", "ipopt", {"x": nlp.x, "f": nlp.f, "g": nlp.g}, options)
+        bounds = {"lbx": nlp.lower_x, "ubx": nlp.upper_x, "lbg": nlp.lower_g, "ubg": nlp.upper_g}
+        result = solver(x0=x0, **bounds, **multipliers)
+        stats = solver.stats()
+        x, g, lam_g, lam_x = (np.array(result[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
+        violation = nlp.violation(x, g)
+        status = _STATUS.get(stats["return_status"], Status.FAILED)
+        if status.ok and not violation <= self.feasibility:
+            status = Status.FAILED
+        elif status in (Status.FAILED, Status.ITERATION_LIMIT, Status.TIME_LIMIT) and violation <= self.feasibility:
+            status = Status.FEASIBLE
+        return Solution(
+            name=nlp.name,
+            x=x,
+            f=float(result["f"]),
+            status=status,
+            violation=violation,
+            iterations=int(stats.get("iter_count", 0)),
+            seconds=time.perf_counter() - begun,
+            multipliers=dict(zip(nlp.rows, lam_g.tolist(), strict=True)),
+            bound_multipliers=lam_x,
+            row_count=len(nlp.rows),
+            detail=f"IPOPT: {stats['return_status']}",
+        )
+
+    def conflicts(self, nlp: NLP, x0: Array) -> tuple[Conflict, ...]:
+        """The limits that cannot hold together, from the elastic problem: least sum of excesses over the bounds.
+
+        A limit with an excess cannot be met; one without, but with a multiplier, is in its way.
+        """
+        n, m = nlp.x.numel(), nlp.g.numel()
+        over, under = casadi.MX.sym("over", m), casadi.MX.sym("under", m)
+        elastic = NLP(
+            name=f"{nlp.name} (elastic)",
+            x=casadi.vertcat(nlp.x, over, under),
+            f=casadi.sum1(over) + casadi.sum1(under),
+            g=nlp.g - over + under,
+            lower_x=np.concatenate([nlp.lower_x, np.zeros(2 * m)]),
+            upper_x=np.concatenate([nlp.upper_x, np.full(2 * m, np.inf)]),
+            lower_g=nlp.lower_g,
+            upper_g=nlp.upper_g,
+            rows=nlp.rows,
+            labels=(*nlp.labels, *("over" for _ in range(m)), *("under" for _ in range(m))),
+            units=(*nlp.units, *("-" for _ in range(2 * m))),
+        )
+        values = np.array(casadi.Function("g", [nlp.x], [nlp.g])(x0)).ravel()
+        excess = [np.maximum(values - nlp.upper_g, 0.0), np.maximum(nlp.lower_g - values, 0.0)]
+        start = np.concatenate([x0, *[np.where(np.isfinite(e), e, 1.0) + 1e-3 for e in excess]])
+        solver = Ipopt(1e-8, self.max_iter, self.max_seconds, self.linear_solver)
+        solution = solver._run(elastic, start, None, time.perf_counter())
+        high, low = solution.x[n : n + m], solution.x[n + m :]
+        values = np.array(casadi.Function("g", [nlp.x], [nlp.g])(solution.x[:n])).ravel()
+        found: dict[tuple[str, str], Conflict] = {}
+        for i, row in enumerate(nlp.rows):
+            exceeded, multiplier = max(high[i], low[i]), solution.multipliers[row]
+            if exceeded <= 1e-6 and abs(multiplier) <= 1e-4:
+                continue
+            bound = nlp.upper_g[i] if (high[i] >= low[i] if exceeded > 1e-6 else multiplier > 0) else nlp.lower_g[i]
+            excess_in_unit = exceeded * row.scale if exceeded > 1e-6 else 0.0
+            conflict = Conflict(row, values[i] * row.scale, bound * row.scale, excess_in_unit)
+            key = (row.limit, row.label)
+            if key not in found or conflict.excess / row.scale > found[key].excess / found[key].row.scale:
+                found[key] = conflict
+        for i, label in enumerate(nlp.labels):
+            multiplier = float(solution.bound_multipliers[i]) if solution.bound_multipliers is not None else 0.0
+            if abs(multiplier) > 1e-4:
+                bound = nlp.upper_x[i] if multiplier > 0 else nlp.lower_x[i]
+                found["variable", label] = Conflict(
+                    Row("variable", label, unit=nlp.units[i]), solution.x[i], bound, 0.0
+                )
+        return tuple(sorted(found.values(), key=lambda c: -c.excess / c.row.scale))
+
+
+def matched_multipliers(nlp: NLP, warm: Solution) -> Array:
+    """Multipliers of an earlier solution for the rows of a new NLP: zero for rows that are new."""
+    return np.array([warm.multipliers.get(row, 0.0) for row in nlp.rows])
