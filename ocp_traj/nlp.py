@@ -147,8 +147,9 @@ class Solution:
         status: how it ended.
         violation: largest scaled amount by which a row or bound is exceeded, recomputed from x.
         iterations, seconds: spent.
-        multipliers: of rows, by (limit, label, segment, instant).
+        multipliers: of rows.
         bound_multipliers: of the bounds on x ``(n,)``.
+        slacks: of rows, scaled distance to the nearer bound, < 0 where exceeded.
         conflicts: where infeasible: the limits that cannot hold together.
         objectives: value of each objective of the problem.
         trajectory, audit: where a problem solver made and checked one.
@@ -165,6 +166,7 @@ class Solution:
     seconds: float
     multipliers: Mapping[Row, float] = field(default_factory=dict)
     bound_multipliers: Array | None = None
+    slacks: Mapping[Row, float] = field(default_factory=dict)
     conflicts: tuple[Conflict, ...] = ()
     objectives: Mapping[str, float] = field(default_factory=dict)
     trajectory: Trajectory | None = None

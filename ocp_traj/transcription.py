@@ -56,29 +56,62 @@ class Instant:
     anchor: Array | None = None
 
 
-def sampler(problem: Problem, segments: Sequence[int]) -> Any:
-    """States of the curve at one instant for each entry of ``segments``.
+@dataclass(frozen=True, eq=False)
+class SymbolicCurve:
+    """A problem's curve at an MX vector x, called once and shared by everything built on it."""
+
+    problem: Problem
+    x: Any
+    durations: Any
+    parameters: Any
+    points: tuple[Any, ...]
+
+    @classmethod
+    def at(cls, problem: Problem, x: Any) -> SymbolicCurve:
+        """The curve's durations, parameters and control points as expressions of x ``(n,)``."""
+        durations, parameters, *points = curve_function(problem)(x)
+        return cls(problem, x, durations, parameters, tuple(points))
+
+
+def states_at(curve: SymbolicCurve, segments: Sequence[int], u: Any) -> Any:
+    """States of the curve at instants, as MX expressions.
+
+    The curve's control points are one function of x and the states another of the control points, each compiled once
+    for the problem: an NLP with other instants reuses both, and their derivatives.
+
+    Args:
+        curve: whose states.
+        segments: of each instant ``(N,)``.
+        u: local times, MX or DM ``(N,)``.
 
     Returns:
-        casadi SX Function (x ``(n,)``, u ``(N,)``) -> (states ``(5 dof, N)``, segment durations ``(1, N)``, p ``(n_p,)``).
+        stacked derivatives ``(5 dof, N)``.
     """
+    points = curve.points
+    columns: list[Any] = []
+    order: list[int] = []
+    for degree in sorted({points[k].shape[0] - 1 for k in segments}):
+        members = [i for i, k in enumerate(segments) if points[k].shape[0] - 1 == degree]
+        flat = casadi.horzcat(*(casadi.vec(points[segments[i]]) for i in members))
+        times = casadi.horzcat(*(curve.durations[segments[i]] for i in members))
+        local = casadi.horzcat(*(u[i] for i in members))
+        columns.append(_segment_states(curve.problem, degree).map(len(members))(flat, times, local))
+        order += members
+    together = casadi.horzcat(*columns)
+    return together if order == sorted(order) else together[:, np.argsort(order).tolist()]
+
+
+def _segment_states(problem: Problem, degree: int) -> Any:
+    """Casadi SX Function (control points, stacked ``(n + 1) dof``, T, u) -> derivatives 0..4, stacked ``(5 dof,)``."""
 
     def build() -> Any:
-        x, u = casadi.SX.sym("x", problem.size), casadi.SX.sym("u", len(segments))
-        curve = problem.curve(x)
-        columns: list[Any] = [None] * len(segments)
-        for segment in sorted(set(segments)):
-            members = [i for i, s in enumerate(segments) if s == segment]
-            local = casadi.vertcat(*(u[i] for i in members))
-            values = casadi.horzcat(*(curve.at(segment, local, order) for order in range(len(ORDERS))))
-            for row, i in enumerate(members):
-                columns[i] = values[row, :].T
-        states = casadi.horzcat(*columns) if columns else casadi.SX(len(ORDERS) * curve.dof, 0)
-        times = casadi.horzcat(*(curve.durations[s] for s in segments)) if columns else casadi.SX(1, 0)
-        outputs = [casadi.densify(states), casadi.densify(times), casadi.densify(problem.parameters(x))]
-        return casadi.Function("sampler", [x, u], outputs, {"cse": True})
+        dof = problem.requirements.dof
+        points, duration, u = casadi.SX.sym("P", degree + 1, dof), casadi.SX.sym("T"), casadi.SX.sym("u")
+        curve = PiecewiseBezier(duration, (points,))
+        states = casadi.vertcat(*(curve.at(0, u, order).T for order in range(len(ORDERS))))
+        return casadi.Function("segment_states", [casadi.vec(points), duration, u], [casadi.densify(states)])
 
-    return problem.cached(f"sampler {tuple(segments)}", build)
+    return problem.cached(f"segment states {degree}", build)
 
 
 def curve_function(problem: Problem) -> Any:
@@ -187,23 +220,26 @@ def plain_objectives(problem: Problem, names: Iterable[str]) -> dict[str, Object
     return {o.id: o for o in sorted([*parts, *wanted], key=lambda o: o.terms is not None)}
 
 
-def objective_values(problem: Problem, names: Iterable[str], x: Any) -> dict[str, Any]:
-    """MX expressions of the named objectives (and of the terms they sum) at the MX vector x."""
+def objective_values(curve: SymbolicCurve, names: Iterable[str]) -> dict[str, Any]:
+    """MX expressions of the named objectives (and of the terms they sum)."""
+    problem = curve.problem
     values: dict[str, Any] = {}
     for name, objective in plain_objectives(problem, names).items():
         if objective.terms is not None:
             values[name] = sum(factor * values[term] for term, factor in objective.terms.items())
         elif objective.of_variables is not None:
-            values[name] = _variables_function(problem, objective)(x)
+            values[name] = _variables_function(problem, objective)(curve.x)
         else:
             nodes, weights = quadrature(problem, objective)
-            states, _, p = sampler(problem, [k for k, _ in nodes])(x, casadi.DM([u for _, u in nodes]))
-            durations = curve_function(problem)(x)[0]
+            states = states_at(curve, [k for k, _ in nodes], casadi.DM([u for _, u in nodes]))
             integrand = integrand_function(problem, objective)
             columns = integrand.map(len(nodes))(
-                states, casadi.DM([u for _, u in nodes]).T, casadi.repmat(p, 1, len(nodes)), casadi.MX(0, len(nodes))
+                states,
+                casadi.DM([u for _, u in nodes]).T,
+                casadi.repmat(curve.parameters, 1, len(nodes)),
+                casadi.MX(0, len(nodes)),
             )
-            values[name] = casadi.mtimes(columns, casadi.mtimes(casadi.DM(weights), durations))
+            values[name] = casadi.mtimes(columns, casadi.mtimes(casadi.DM(weights), curve.durations))
     return values
 
 
@@ -222,7 +258,7 @@ def objective_function(problem: Problem) -> Any:
     def build() -> Any:
         x = casadi.MX.sym("x", problem.size)
         names = [objective.id for objective in problem.objectives]
-        values = objective_values(problem, names, x)
+        values = objective_values(SymbolicCurve.at(problem, x), names)
         return casadi.Function("objectives", [x], [casadi.vertcat(*(values[name] for name in names))])
 
     return problem.cached("objectives", build)
@@ -250,7 +286,8 @@ def transcribe(
     """
     check_names(problem, scalarisation)
     x = casadi.MX.sym("x", problem.size)
-    scalar = scalarisation.apply(problem, objective_values(problem, scalarisation.names, x))
+    curve = SymbolicCurve.at(problem, x)
+    scalar = scalarisation.apply(problem, objective_values(curve, scalarisation.names))
     g: list[Any] = []
     lower: list[float] = []
     upper: list[float] = []
@@ -258,10 +295,10 @@ def transcribe(
     for limit in problem.requirements.path_constraints:
         members = [instant for instant in instants if instant.limit == limit.id]
         if members:
-            _path_rows(problem, limit, members, x, back_off, g, lower, upper, rows)
+            _path_rows(curve, limit, members, back_off, g, lower, upper, rows)
     for point in problem.requirements.point_constraints:
         if not point.structural:
-            _point_rows(problem, point, x, g, lower, upper, rows)
+            _point_rows(curve, point, g, lower, upper, rows)
     for name, value, bound in scalar.rows:
         objective = problem.objective(name)
         g.append(value)
@@ -286,11 +323,11 @@ def transcribe(
 
 
 def _path_rows(
-    problem: Problem, limit: PathConstraint, members: list[Instant], x: Any, back_off: float,
+    curve: SymbolicCurve, limit: PathConstraint, members: list[Instant], back_off: float,
     g: list[Any], lower: list[float], upper: list[float], rows: list[Row],
 ) -> None:  # fmt: skip
     """Appends the rows of one path limit at its instants, scaled to order one."""
-    values = limit_values(problem, limit, members, x)
+    values = limit_values(curve, limit, members)
     scaled = values / casadi.DM(limit.scale)
     low, high = limit.lower / limit.scale + back_off, limit.upper / limit.scale - back_off
     entries = [(i, j) for j, m in enumerate(members) for i in (range(len(limit.labels)) if m.rows is None else m.rows)]
@@ -298,20 +335,23 @@ def _path_rows(
     for i, j in entries:
         lower.append(low[i])
         upper.append(high[i])
-        rows.append(Row(limit.id, limit.labels[i], members[j].segment, members[j].u, limit.units[i], limit.scale[i]))
+        rows.append(
+            Row(limit.id, limit.labels[i], members[j].segment, members[j].u, limit.units[i], float(limit.scale[i]))
+        )
 
 
-def limit_values(problem: Problem, limit: PathConstraint, members: Sequence[Instant], x: Any, u: Any = None) -> Any:
+def limit_values(curve: SymbolicCurve, limit: PathConstraint, members: Sequence[Instant], u: Any = None) -> Any:
     """MX expression of a path limit at instants: ``(rows, instants)``; ``u`` replaces the instants' own local times."""
-    local = casadi.vertcat(*(_local_time(m, x) for m in members)) if u is None else u
-    states, _, p = sampler(problem, [m.segment for m in members])(x, local)
+    problem = curve.problem
+    local = casadi.vertcat(*(_local_time(m, curve.x) for m in members)) if u is None else u
+    states = states_at(curve, [m.segment for m in members], local)
     n = len(members)
     if limit.order is not None:
         dof = problem.requirements.dof
         return states[limit.order * dof : (limit.order + 1) * dof, :]
     constants = np.zeros((n, 0)) if limit.constants is None else limit.constants[[m.segment for m in members]]
     function = problem.requirements.function(limit)
-    return function.map(n)(states, local.T, casadi.repmat(p, 1, n), casadi.MX(casadi.DM(constants.T)))
+    return function.map(n)(states, local.T, casadi.repmat(curve.parameters, 1, n), casadi.MX(casadi.DM(constants.T)))
 
 
 def _local_time(instant: Instant, x: Any) -> Any:
@@ -323,21 +363,18 @@ def _local_time(instant: Instant, x: Any) -> Any:
 
 
 def _point_rows(
-    problem: Problem,
-    point: PointConstraint,
-    x: Any,
-    g: list[Any],
-    lower: list[float],
-    upper: list[float],
-    rows: list[Row],
+    curve: SymbolicCurve, point: PointConstraint, g: list[Any], lower: list[float], upper: list[float], rows: list[Row]
 ) -> None:
     """Appends the rows of one point constraint; they are not scaled."""
+    problem = curve.problem
     segments = len(_degrees(problem))
     nodes = [(k % segments, u) for k, u in point.at]
     local = casadi.DM([u for _, u in nodes])
-    states, _, p = sampler(problem, [k for k, _ in nodes])(x, local)
+    states = states_at(curve, [k for k, _ in nodes], local)
     n = len(nodes)
-    values = problem.requirements.function(point).map(n)(states, local.T, casadi.repmat(p, 1, n), casadi.MX(0, n))
+    values = problem.requirements.function(point).map(n)(
+        states, local.T, casadi.repmat(curve.parameters, 1, n), casadi.MX(0, n)
+    )
     g.append(casadi.vec(values))
     for j, (k, u) in enumerate(nodes):
         for i, label in enumerate(point.labels):

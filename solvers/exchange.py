@@ -28,6 +28,7 @@ from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import (
     BACK_OFF,
     Instant,
+    SymbolicCurve,
     evaluate_objectives,
     few_instants,
     limit_values,
@@ -38,6 +39,7 @@ from ocp_traj.transcription import (
 Array = NDArray[np.float64]
 
 SCAN = 48  # samples a segment when looking for peaks: our choice, far denser than the degrees in use have peaks
+KEEP = 0.1  # of a limit's scale: rows with more slack than this after the first solve are dropped; our choice
 NEAR = 0.15  # of a segment: a new peak this close to a moving instant replaces it
 
 
@@ -92,6 +94,8 @@ class Exchange:
             if checked.proved:
                 return solution
             peaks = worst_instants(problem, candidate, checked, self.back_off)
+            if number == 1:
+                instants = _near(instants, problem, solution)
             instants, renamed = _merge(instants, peaks, x, problem)
             inherited = {new: solution.multipliers.get(old, 0.0) for new, old in renamed.items()}
             warm = replace(solution, multipliers={**solution.multipliers, **inherited})
@@ -196,12 +200,24 @@ def _sharpened(
 def _peak_function(problem: Problem, limit: PathConstraint, members: list[Instant]) -> Any:
     """Casadi Function (x, u ``(N,)``) -> scaled values, g_u, g_uu ``(N,)`` and g_ux ``(N, n)`` of one row an instant."""
     x, u = casadi.MX.sym("x", problem.size), casadi.MX.sym("u", len(members))
-    values = casadi.vec(limit_values(problem, limit, members, x, u) / casadi.DM(limit.scale))
+    values = casadi.vec(limit_values(SymbolicCurve.at(problem, x), limit, members, u) / casadi.DM(limit.scale))
     rows = [(m.rows or (0,))[0] + j * len(limit.labels) for j, m in enumerate(members)]
     value = values[rows]
     gu = casadi.gradient(casadi.sum1(value), u)
     guu = casadi.gradient(casadi.sum1(gu), u)
     return casadi.Function("peaks", [x, u], [value, gu, guu, casadi.densify(casadi.jacobian(gu, x))])
+
+
+def _near(instants: list[Instant], problem: Problem, solution: Solution) -> list[Instant]:
+    """The instants and rows close to their bounds; the others only cost time, and return as peaks should they matter."""
+    kept = []
+    for instant in instants:
+        limit = _limit(problem, instant)
+        rows = range(len(limit.labels)) if instant.rows is None else instant.rows
+        near = tuple(i for i in rows if solution.slacks[_row(limit, instant, i)] < KEEP)
+        if near:
+            kept.append(replace(instant, rows=near))
+    return kept
 
 
 def _merge(
@@ -213,7 +229,8 @@ def _merge(
         for i, old in enumerate(merged):
             same = (old.limit, old.segment, old.rows) == (peak.limit, peak.segment, peak.rows) and old.slope is not None
             if same and abs(_where(old, x) - peak.u) < NEAR:
-                renamed[_row(problem, peak)] = _row(problem, old)
+                limit, row = _limit(problem, peak), (peak.rows or (0,))[0]
+                renamed[_row(limit, peak, row)] = _row(limit, old, row)
                 merged[i] = peak
                 break
         else:
@@ -227,7 +244,9 @@ def _where(instant: Instant, x: Array) -> float:
     return float(np.clip(instant.u + instant.slope @ (x - instant.anchor), 0.0, 1.0))
 
 
-def _row(problem: Problem, instant: Instant) -> Row:
-    limit = next(c for c in problem.requirements.path_constraints if c.id == instant.limit)
-    i = (instant.rows or (0,))[0]
-    return Row(limit.id, limit.labels[i], instant.segment, instant.u, limit.units[i], limit.scale[i])
+def _limit(problem: Problem, instant: Instant) -> PathConstraint:
+    return next(c for c in problem.requirements.path_constraints if c.id == instant.limit)
+
+
+def _row(limit: PathConstraint, instant: Instant, i: int) -> Row:
+    return Row(limit.id, limit.labels[i], instant.segment, instant.u, limit.units[i], float(limit.scale[i]))

@@ -109,7 +109,7 @@ class Ipopt:
                 "warm_start_slack_bound_push": 1e-9,
                 "warm_start_slack_bound_frac": 1e-9,
                 "warm_start_mult_bound_push": 1e-9,
-                "mu_init": 1e-6,
+                "mu_init": 1e-8,
             }
         return settings | dict(self.options)
 
@@ -139,6 +139,7 @@ class Ipopt:
             seconds=time.perf_counter() - begun,
             multipliers=dict(zip(nlp.rows, lam_g.tolist(), strict=True)),
             bound_multipliers=lam_x,
+            slacks=dict(zip(nlp.rows, np.minimum(g - nlp.lower_g, nlp.upper_g - g).tolist(), strict=True)),
             row_count=len(nlp.rows),
             detail=f"IPOPT: {stats['return_status']}",
         )

@@ -19,7 +19,7 @@ SX = casadi.SX
 arb = flint.arb
 
 N_BOXES = 100_000  # per operation, against long doubles
-N_EXACT = 2_000  # of them, against ball arithmetic
+N_EXACT = 4_000  # of them, against ball arithmetic
 PRECISION = 200  # [bit] of the balls
 LARGEST = np.finfo(float).max
 
@@ -53,12 +53,13 @@ CASES = {
     "times 0.1": Case(lambda x: 0.1 * x, lambda x: 0.1 * x, lambda x: arb(0.1) * x),
     "times -3e300": Case(lambda x: x * -3e300, lambda x: x * -3e300, lambda x: arb(-3e300) * x),
     "plus 0.1": Case(lambda x: 0.1 + x, lambda x: 0.1 + x, lambda x: arb(0.1) + x),
-    "over 0.1": Case(lambda x: x / casadi.SX(0.3), lambda x: x / 0.3, lambda x: x / arb(0.3)),
+    "over -0.3": Case(lambda x: x / -0.3, lambda x: x / -0.3, lambda x: x / arb(-0.3)),
     "sqrt": Case(casadi.sqrt, np.sqrt, lambda x: x.sqrt()),
-    "power 3": Case(lambda x: casadi.constpow(x, 3), lambda x: x**3, lambda x: x**3),
-    "power 4": Case(lambda x: casadi.constpow(x, 4), lambda x: x**4, lambda x: x**4),
-    "power -3": Case(lambda x: casadi.constpow(x, -3), lambda x: x**-3, lambda x: 1 / x**3),
-    "power -2": Case(lambda x: casadi.constpow(x, -2), lambda x: x**-2, lambda x: 1 / x**2),
+    "x x": Case(lambda x: x * x, lambda x: x * x, lambda x: x * x),
+    "power 3": Case(lambda x: x**3, lambda x: x**3, lambda x: x**3),
+    "power 4": Case(lambda x: x**4, lambda x: x**4, lambda x: x**4),
+    "power -3": Case(lambda x: x**-3, lambda x: x**-3, lambda x: 1 / x**3),
+    "power -2": Case(lambda x: x**-2, lambda x: x**-2, lambda x: 1 / x**2),
     "power 2.3": Case(lambda x: x**2.3, lambda x: x ** np.longdouble(2.3), lambda x: x ** arb(2.3)),
     "power -0.7": Case(lambda x: x**-0.7, lambda x: x ** np.longdouble(-0.7), lambda x: x ** arb(-0.7)),
     "exp": Case(casadi.exp, np.exp, lambda x: x.exp()),
@@ -80,6 +81,7 @@ CASES = {
     "erf": Case(casadi.erf, lambda x: special.erf(x.astype(float)), lambda x: x.erf()),
     "fabs": Case(casadi.fabs, np.abs, abs),
 }
+VERBATIM = ("x x", "power 3", "power 4", "power -3", "power -2")  # CasADi makes squares and products of them
 BINARY = ("add", "sub", "mul", "div", "fmin", "fmax", "hypot", "atan2", "pow")
 
 # Operations that only floats know, as expressions of x and y.
@@ -98,23 +100,34 @@ FLOAT_ONLY: dict[str, Callable[[Any, Any], Any]] = {
     "OP_NOT": lambda x, y: casadi.logic_not(casadi.floor(x)),
     "OP_AND": lambda x, y: casadi.logic_and(casadi.floor(x), casadi.floor(y)),
     "OP_OR": lambda x, y: casadi.logic_or(casadi.floor(x), casadi.floor(y)),
-    "OP_ERFINV": lambda x, y: casadi.erfinv(casadi.sin(x)),
 }
 
 
-def _function(expression: Callable[..., Any], n: int, name: str = "f") -> casadi.Function:
+def _function(expression: Callable[..., Any], n: int, name: str = "f", verbatim: bool = False) -> casadi.Function:
     symbols = [SX.sym("xyz"[k]) for k in range(n)]
-    return casadi.Function(name, symbols, [expression(*symbols)])
+    try:
+        casadi.GlobalOptions.setSimplificationOnTheFly(not verbatim)
+        return casadi.Function(name, symbols, [expression(*symbols)])
+    finally:
+        casadi.GlobalOptions.setSimplificationOnTheFly(True)
 
 
 def _case_function(name: str) -> casadi.Function:
-    return _function(CASES[name].expression, 2 if name in BINARY else 1)
+    return _function(CASES[name].expression, 2 if name in BINARY else 1, verbatim=name in VERBATIM)
+
+
+def _mixture(rng: np.random.Generator, rows: list[Any], shares: list[float] | None = None) -> Array:
+    """Each column from a row drawn for it."""
+    rows = np.broadcast_arrays(*rows)
+    n = rows[0].size
+    return np.array(rows)[rng.choice(len(rows), n, p=shares), np.arange(n)]
 
 
 def _random_ends(rng: np.random.Generator, n: int) -> tuple[Array, Array]:
     """Boxes of all sorts: thin and wide, huge and tiny, around zero, at multiples of pi / 2, at +-1, infinite."""
     sign = rng.choice([-1.0, 1.0], n)
-    centre = rng.choice(
+    centre = _mixture(
+        rng,
         [
             rng.normal(size=n),
             rng.normal(size=n),
@@ -127,9 +140,10 @@ def _random_ends(rng: np.random.Generator, n: int) -> tuple[Array, Array]:
             rng.uniform(-800, 800, n),
             np.zeros(n),
             sign,
-        ]
+        ],
     )
-    width = rng.choice(
+    width = _mixture(
+        rng,
         [
             np.zeros(n),
             np.spacing(np.abs(centre)) * rng.integers(0, 4, n),
@@ -139,9 +153,9 @@ def _random_ends(rng: np.random.Generator, n: int) -> tuple[Array, Array]:
             10 ** rng.uniform(-300, 300, n),
             np.full(n, np.inf),
         ],
-        p=[0.15, 0.15, 0.2, 0.2, 0.2, 0.08, 0.02],
+        [0.15, 0.15, 0.2, 0.2, 0.2, 0.08, 0.02],
     )
-    left = rng.choice([0.0, 1.0, rng.uniform()], n)
+    left = _mixture(rng, [0.0, 1.0, rng.uniform(size=n)])
     with np.errstate(all="ignore"):
         lower = centre - np.where(left == 0, 0, width * left)
         upper = centre + np.where(left == 1, 0, width * (1 - left))
@@ -149,12 +163,11 @@ def _random_ends(rng: np.random.Generator, n: int) -> tuple[Array, Array]:
 
 
 def _points(rng: np.random.Generator, lower: Array, upper: Array) -> Array:
-    """Finite points of each box: both ends, the middle, one near zero if it is inside, and random ones; ``(6, n)``."""
+    """Finite points of each box: both ends, and one inside, often near an end or near zero; ``(3, n)``."""
     low, high = np.maximum(lower, -LARGEST), np.minimum(upper, LARGEST)
-    shares = [np.full(low.shape, 0.5), rng.uniform(size=low.shape), 10 ** rng.uniform(-20, 0, low.shape)]
-    points = [low, high, np.clip(rng.normal(size=low.shape), low, high)]
-    points += [np.clip(low * (1 - share) + high * share, low, high) for share in shares]
-    return np.array(points)
+    share = _mixture(rng, [0.5, rng.uniform(size=low.size), 10 ** rng.uniform(-20, 0, low.size)])
+    anywhere = low * (1 - share) + high * share
+    return np.array([low, high, np.clip(_mixture(rng, [rng.normal(size=low.size), anywhere]), low, high)])
 
 
 def _arguments(rng: np.random.Generator, name: str, n: int) -> tuple[list[tuple[Array, Array]], list[Array]]:
@@ -165,7 +178,7 @@ def _arguments(rng: np.random.Generator, name: str, n: int) -> tuple[list[tuple[
         boxes[0] = (np.minimum(*boxes[0]), np.maximum(*boxes[0]))
     points = [_points(rng, *box) for box in boxes]
     if len(points) == 2:
-        points = [points[0][[0, 0, 1, 1, 2, 3, 4, 5]], points[1][[0, 1, 0, 1, 2, 5, 3, 4]]]
+        points = [points[0][[0, 0, 1, 1, 2]], points[1][[0, 1, 0, 1, 2]]]
     return boxes, points
 
 
@@ -209,11 +222,10 @@ def test_floats_equal_casadi_on_special_values() -> None:
     values = np.array([0.0, -0.0, 1.0, -1.0, 0.5, -0.5, 2.5, -7.5, 3.0, 5.0, np.inf, -np.inf])
     points = np.array([(x, y) for x in values for y in values]).T
     for name, expression in {**FLOAT_ONLY, **{name: CASES[name].expression for name in BINARY}}.items():
-        if name != "OP_ERFINV":
-            function = _function(expression, 2)
-            (result,) = Tape(function).evaluate(points[:1], points[1:])
-            expected = function.map(points.shape[1])(points[:1], points[1:]).full()
-            np.testing.assert_allclose(result, expected, rtol=1e-15, atol=0.0, err_msg=name)
+        function = _function(expression, 2)
+        (result,) = Tape(function).evaluate(points[:1], points[1:])
+        expected = function.map(points.shape[1])(points[:1], points[1:]).full()
+        np.testing.assert_allclose(result, expected, rtol=1e-15, atol=0.0, err_msg=name)
 
 
 def _random_expression(rng: np.random.Generator, leaves: list[Any], operations: int) -> Any:
@@ -291,13 +303,13 @@ def test_enclosure_contains_long_double_values(name: str) -> None:
     lower, upper = _enclose(_case_function(name), *boxes)
     with np.errstate(all="ignore"):
         values = CASES[name].wide(*[p.astype(np.longdouble) for p in points])
-        # The reference errs, too: by a few of its own ulp (erf: of a double).
-        epsilon = np.finfo(values.dtype).eps
-        slack = 4 * epsilon * np.abs(values) + np.finfo(values.dtype).smallest_subnormal
-        outside = (values + slack < lower) | (values - slack > upper)
-    assert np.isfinite(values).sum() > 0.05 * values.size
-    where = tuple(np.argwhere(outside)[:1].ravel())
-    assert not outside.any(), [float(p[where]) for p in points]
+    known = np.isfinite(values)
+    assert known.sum() > 0.05 * known.size
+    values, column = values[known], np.nonzero(known)[1]
+    # The reference errs, too: by a few of its own ulp (those of a double for erf).
+    slack = np.abs(values) * (4 * np.finfo(values.dtype).eps) + np.finfo(values.dtype).smallest_subnormal
+    outside = (values + slack < lower[column]) | (values - slack > upper[column])
+    assert not outside.any(), [p[known][outside][0] for p in points]
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -309,7 +321,7 @@ def test_enclosure_contains_exact_values(name: str) -> None:
     flint.ctx.prec = PRECISION
     for box in range(N_EXACT):
         low, high = arb(lower[box]), arb(upper[box])
-        for point in zip(*[p[:4, box].tolist() for p in points], strict=True):
+        for point in zip(*[p[:, box].tolist() for p in points], strict=True):
             try:
                 value = CASES[name].ball(*map(arb, point))
             except ZeroDivisionError:
@@ -362,8 +374,8 @@ def test_enclosure_of_a_point_is_tight(name: str) -> None:
     points = [rng.uniform(0.1, 0.9, 1000) + (name == "acosh") for _ in range(2 if name in BINARY else 1)]
     lower, upper = _enclose(_case_function(name), *[(p, p) for p in points])
     # [ulp] 2 for the operations of IEEE, 2 x 10 for others; x^y goes through exp, log and a product.
-    allowed = 150 if name == "pow" else 40 if name.startswith("power") else 21
-    allowed = 4 if name in ("add", "sub", "mul", "div", "inv", "sq", "twice", "sqrt", "plus 0.1") else allowed
+    allowed = 150 if name in ("pow", "erf") else 40 if name.startswith("power") else 21
+    allowed = 4 if name in ("add", "sub", "mul", "div", "inv", "sq", "x x", "twice", "sqrt", "plus 0.1") else allowed
     assert (upper - lower <= allowed * np.spacing(np.minimum(np.abs(lower), np.abs(upper)))).all()
 
 
@@ -396,8 +408,11 @@ def test_known_ranges_are_tight() -> None:
     assert ends(lambda x, y: x / y, (1.0, 2.0), (-4.0, -0.5)) == pytest.approx((-4.0, -0.25), rel=1e-15)
     assert ends(casadi.cosh, (-1.0, 2.0)) == pytest.approx((1.0, np.cosh(2.0)))
     assert ends(casadi.hypot, (-3.0, 1.0), (4.0, 4.0)) == pytest.approx((4.0, 5.0))
-    assert ends(lambda x: casadi.constpow(x, 4), (-2.0, 1.0)) == pytest.approx((0.0, 16.0), abs=1e-300)
-    assert ends(lambda x: casadi.constpow(x, 3), (-2.0, 1.0)) == pytest.approx((-8.0, 1.0))
+    assert ends(lambda x: x**101, (-2.0, 1.0)) == pytest.approx((-(2.0**101), 1.0))
+    assert ends(lambda x: x**102, (-2.0, 1.0)) == pytest.approx((0.0, 2.0**102))
+    assert ends(lambda x: x**-101, (-1.0, -0.5)) == pytest.approx((-(2.0**101), -1.0))
+    assert ends(lambda x: x**2.5, (1.0, 4.0)) == pytest.approx((1.0, 32.0))
+    assert ends(lambda x, y: x**y, (0.5, 2.0), (-1.0, 3.0)) == pytest.approx((0.125, 8.0))
     assert ends(casadi.atan2, (-1.0, 1.0), (1.0, 2.0)) == pytest.approx((-np.pi / 4, np.pi / 4))
     assert ends(casadi.atan2, (1.0, 2.0), (-1.0, 1.0)) == pytest.approx((np.pi / 4, 3 * np.pi / 4))
     low, high = ends(casadi.atan2, (-1.0, 1.0), (-2.0, -1.0))
@@ -405,16 +420,10 @@ def test_known_ranges_are_tight() -> None:
 
 
 def test_product_with_itself_is_a_square() -> None:
-    class Repeated:
-        """The tape of x * x, which CasADi itself would have turned into a square."""
-
-    x, y = SX.sym("x"), SX.sym("y")
-    tape = Tape(casadi.Function("f", [x, y], [x * y]))
-    assert isinstance(Repeated(), Repeated)
-    operation, written, first, _ = tape._steps[0]
-    tape._steps[0] = (operation, written, first, first)
-    ((lower, upper),) = tape.enclose((np.array([-1.0]), np.array([2.0])), (np.array([5.0]), np.array([5.0])))
-    assert lower[0, 0] == 0.0 and upper[0, 0] == np.nextafter(4.0, 5.0)
+    function = _case_function("x x")
+    assert function.instruction_id(1) == casadi.OP_MUL
+    lower, upper = _enclose(function, (np.array([-1.0]), np.array([2.0])))
+    assert lower[0] == 0.0 and upper[0] == np.nextafter(4.0, 5.0)
 
 
 def test_enclosure_of_random_functions_contains_their_values() -> None:
@@ -427,7 +436,7 @@ def test_enclosure_of_random_functions_contains_their_values() -> None:
         ((lower, upper),) = tape.enclose((centre - width, centre + width))
         assert (lower <= upper).all() and np.isfinite(upper - lower).all()
         for _ in range(10):
-            corner = rng.choice([-1.0, 1.0, rng.uniform(-1, 1)], (4, 500))
+            corner = _mixture(rng, [-1.0, 1.0, rng.uniform(-1, 1, 2000)]).reshape(4, 500)
             point = np.clip(centre + corner * width, centre - width, centre + width)
             (values,) = tape.evaluate(point)
             assert (lower <= values).all() and (values <= upper).all()
@@ -507,7 +516,7 @@ def test_operation_unknown_to_floats_is_refused_by_name() -> None:
         Tape(_function(lambda x, y: x.printme(y), 2))
 
 
-@pytest.mark.parametrize("name", [name for name in FLOAT_ONLY if name != "OP_ERFINV"])
+@pytest.mark.parametrize("name", FLOAT_ONLY)
 def test_branch_is_refused_as_a_limit(name: str) -> None:
     with pytest.raises(KinkedExpression, match="joint speed is not smooth: it contains OP_.*several limits"):
         Tape(_function(FLOAT_ONLY[name], 2)).require_smooth("joint speed")
