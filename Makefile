@@ -53,12 +53,12 @@ clean:
 	find ocp_traj problems solvers tests -type d -name __pycache__ -prune -exec rm -rf {} +
 
 $(VENV)/.installed: pyproject.toml $(VENV)/.made
-	@echo "Installing ocp-traj and what it needs into $(VENV): about 0.4 GB to fetch, once ..."
+	@echo "Installing ocp-traj and what it needs into $(VENV): 1.2 GB on the disk, once ..."
 	$(INSTALL) --editable .
 	@touch $@
 
 $(VENV)/.installed-dev: pyproject.toml $(VENV)/.made
-	@echo "Installing ocp-traj, what it needs and the test tools into $(VENV): about 0.5 GB to fetch, once ..."
+	@echo "Installing ocp-traj, what it needs and the test tools into $(VENV): 1.5 GB on the disk, once ..."
 	$(INSTALL) --editable ".[dev]"
 	@touch $(VENV)/.installed $@
 

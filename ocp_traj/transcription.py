@@ -228,7 +228,7 @@ def objective_values(curve: SymbolicCurve, names: Iterable[str]) -> dict[str, An
         if objective.terms is not None:
             values[name] = sum(factor * values[term] for term, factor in objective.terms.items())
         elif objective.of_variables is not None:
-            values[name] = _variables_function(problem, objective)(curve.x)
+            values[name] = variables_function(problem, objective)(curve.x)
         else:
             nodes, weights = quadrature(problem, objective)
             states = states_at(curve, [k for k, _ in nodes], casadi.DM([u for _, u in nodes]))
@@ -243,7 +243,9 @@ def objective_values(curve: SymbolicCurve, names: Iterable[str]) -> dict[str, An
     return values
 
 
-def _variables_function(problem: Problem, objective: Objective) -> Any:
+def variables_function(problem: Problem, objective: Objective) -> Any:
+    """Casadi SX Function x -> value of an objective that is a function of the variables."""
+
     def build() -> Any:
         x = casadi.SX.sym("x", problem.size)
         assert objective.of_variables is not None

@@ -70,9 +70,10 @@ def install(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
     made = Install(request.param, root, elsewhere, python, site_packages)
     # --ignore-installed: the borrowed environment may hold the package too, and keeps it.
-    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", python]
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", str(python)]
     options = ["--no-deps", "--no-index", "--no-build-isolation", "--ignore-installed"]
-    made.run([*pip, "install", *options, *(["--editable"] if made.kind == "editable" else []), root], cwd=base)
+    editable = ["--editable"] if made.kind == "editable" else []
+    made.run([*pip, "install", *options, *editable, str(root)], cwd=base)
     return made
 
 
