@@ -15,6 +15,7 @@ from ocp_traj.errors import NoSolutionFound, ProblemDefinitionError
 if TYPE_CHECKING:
     from ocp_traj.audit import Audit
     from ocp_traj.trajectory import Trajectory
+    from ocp_traj.transcription import Instant
 
 Array = NDArray[np.float64]
 
@@ -153,6 +154,7 @@ class Solution:
         conflicts: where infeasible: the limits that cannot hold together.
         objectives: value of each objective of the problem.
         trajectory, audit: where a problem solver made and checked one.
+        instants: where constraint exchange ended up imposing the limits.
         rounds, row_count: of constraint exchange.
         detail: the solver's own words.
     """
@@ -171,6 +173,7 @@ class Solution:
     objectives: Mapping[str, float] = field(default_factory=dict)
     trajectory: Trajectory | None = None
     audit: Audit | None = None
+    instants: tuple[Instant, ...] = ()
     rounds: int = 1
     row_count: int = 0
     detail: str = ""

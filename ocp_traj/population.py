@@ -25,7 +25,6 @@ from ocp_traj.transcription import (
 )
 
 Array = NDArray[np.float64]
-Nodes = Sequence[tuple[int, float]]  # (segment, local time)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +39,31 @@ class Evaluation:
 
     objectives: Array
     violations: Array
+
+
+class _Nodes:
+    """Instants on a curve, with the matrices that turn control points into states there."""
+
+    def __init__(self, nodes: Sequence[tuple[int, float]], degrees: Sequence[int]) -> None:
+        self.nodes = tuple(nodes)
+        self.u = np.array([u for _, u in nodes])
+        self.segment = np.array([k for k, _ in nodes], dtype=np.intp)
+        self._matrices = []  # (segment, its places among the nodes, (orders, places, n + 1))
+        for k in sorted(set(self.segment.tolist())):
+            places, n = np.nonzero(self.segment == k)[0], degrees[k]
+            per_order = [basis(max(n - o, 0), self.u[places]) @ difference_matrix(n, o) for o in range(len(ORDERS))]
+            self._matrices.append((k, places, np.stack(per_order)))
+
+    def states(self, points: list[Array], durations: Array) -> Array:
+        """Derivatives 0..4 at the nodes ``(5, dof, M, N)`` from control points ``(n_k + 1, dof, N)``."""
+        dof, individuals = points[0].shape[1:]
+        out = np.empty((len(ORDERS), dof, len(self.nodes), individuals))
+        for k, places, matrices in self._matrices:
+            flat = points[k].reshape(len(points[k]), -1)
+            for order, matrix in enumerate(matrices):
+                values = (matrix @ flat).reshape(len(places), dof, individuals) / durations[k] ** order
+                out[order][:, places] = values.swapaxes(0, 1)
+        return out
 
 
 class Population:
@@ -58,84 +82,71 @@ class Population:
         curve = curve_function(problem)
         self._curve = Tape(curve)
         self._shapes = [curve.size_out(k) for k in range(2, curve.n_out())]
-        self._limits = [
-            (limit, self._nodes(limit, per_segment), Tape(problem.requirements.function(limit)))
-            for limit in problem.requirements.path_constraints
-        ]
-        self._integrands = {o.id: Tape(integrand_function(problem, o)) for o in self._plain.values() if o.integrand}
-        self._direct = {o.id: Tape(variables_function(problem, o)) for o in self._plain.values() if o.of_variables}
-
-    def _nodes(self, limit: PathConstraint, per_segment: int) -> list[tuple[int, float]]:
-        shared, last = self.problem.requirements.continuous(limit), len(self._shapes) - 1
+        degrees = [rows - 1 for rows, _ in self._shapes]
+        last = len(degrees) - 1
         grid = [(k, float(u)) for k in range(last + 1) for u in np.linspace(0.0, 1.0, per_segment)]
-        return [(k, u) for k, u in grid if not (shared and u == 1.0 and k < last)]
+        # Where a limit is continuous at an inner knot, one side of it is enough.
+        grids = {True: _Nodes([(k, u) for k, u in grid if u < 1.0 or k == last], degrees), False: _Nodes(grid, degrees)}
+        requirements = problem.requirements
+        self._limits = [
+            (limit, grids[requirements.continuous(limit)], Tape(requirements.function(limit)))
+            for limit in requirements.path_constraints
+        ]
+        self._integrals: dict[str, tuple[_Nodes, Array, Tape]] = {}
+        self._direct: dict[str, Tape] = {}
+        for objective in self._plain.values():
+            if objective.integrand is not None:
+                nodes, weights = quadrature(problem, objective)
+                tape = Tape(integrand_function(problem, objective))
+                self._integrals[objective.id] = (_Nodes(nodes, degrees), weights, tape)
+            elif objective.of_variables is not None:
+                self._direct[objective.id] = Tape(variables_function(problem, objective))
 
     def evaluate(self, x: ArrayLike) -> Evaluation:
         """Objectives and violations of a population ``x (N, n)``."""
         population = np.atleast_2d(np.asarray(x, dtype=float))
         if population.shape[1] != self.problem.size:
-            raise InputError(f"{self.problem.id} has {self.problem.size} variables; the population has {population.shape[1]}")
+            raise InputError(
+                f"{self.problem.id} has {self.problem.size} variables; the population has {population.shape[1]}"
+            )
         durations, parameters, *flat = self._curve.evaluate(population.T)
         # CasADi stores matrices by column: (dof, n + 1, N) after reshaping, then (n + 1, dof, N).
         points = [
-            np.swapaxes(p.reshape(cols, rows, -1), 0, 1) for p, (rows, cols) in zip(flat, self._shapes, strict=True)
+            np.ascontiguousarray(np.swapaxes(p.reshape(cols, rows, -1), 0, 1))
+            for p, (rows, cols) in zip(flat, self._shapes, strict=True)
         ]
-        hodographs = [
-            [np.tensordot(difference_matrix(len(p) - 1, order), p, axes=1) / durations[k] ** order for order in range(5)]
-            for k, p in enumerate(points)
-        ]
-        violations = [self._violation(limit, nodes, tape, hodographs, parameters) for limit, nodes, tape in self._limits]
+        states = {nodes: nodes.states(points, durations) for nodes in {nodes for _, nodes, _ in self._limits}}
+        violations = [_violation(limit, nodes, tape, states[nodes], parameters) for limit, nodes, tape in self._limits]
         values: dict[str, Array] = {}
         for name, objective in self._plain.items():
-            values[name] = self._objective(objective, values, population, hodographs, durations, parameters)
+            if objective.terms is not None:
+                values[name] = np.asarray(sum(factor * values[term] for term, factor in objective.terms.items()))
+            elif name in self._direct:
+                values[name] = self._direct[name].evaluate(population.T)[0][0]
+            else:
+                nodes, weights, tape = self._integrals[name]
+                integrand = _over_nodes(tape, nodes.states(points, durations), nodes, parameters, None)[0]
+                values[name] = (integrand * (weights @ durations)).sum(axis=0)
         worst = np.concatenate(violations).T if violations else np.zeros((len(population), 0))
         return Evaluation(
             np.stack([values[name] for name in self.names], axis=1), np.where(np.isnan(worst), np.inf, worst)
         )
 
-    def _violation(
-        self, limit: PathConstraint, nodes: Nodes, tape: Tape, hodographs: list[list[Array]], parameters: Array
-    ) -> Array:
-        orders = range(len(ORDERS)) if limit.order is None else [limit.order]
-        states = _states(hodographs, nodes, orders)
-        if limit.order is not None:
-            values = states
-        else:
-            values = _over_nodes(tape, states, nodes, parameters, limit.constants)
-        scale = limit.scale[:, None, None]
-        excess = np.maximum(values - limit.upper[:, None, None], limit.lower[:, None, None] - values) / scale
-        return np.asarray(excess.max(axis=1))
 
-    def _objective(
-        self, objective: Objective, values: dict[str, Array], x: Array, hodographs: list[list[Array]],
-        durations: Array, parameters: Array,
-    ) -> Array:  # fmt: skip
-        if objective.terms is not None:
-            return np.asarray(sum(factor * values[term] for term, factor in objective.terms.items()))
-        if objective.of_variables is not None:
-            return self._direct[objective.id].evaluate(x.T)[0][0]
-        nodes, weights = quadrature(self.problem, objective)
-        states = _states(hodographs, nodes, range(len(ORDERS)))
-        integrand = _over_nodes(self._integrands[objective.id], states, nodes, parameters, None)[0]
-        return np.asarray(np.einsum("mn,mn->n", integrand, weights @ durations))
+def _violation(limit: PathConstraint, nodes: _Nodes, tape: Tape, states: Array, parameters: Array) -> Array:
+    """Largest excess of each row over the nodes, in units of the limit's scale: ``(rows, N)``."""
+    if limit.order is not None:
+        values = states[limit.order]
+    else:
+        values = _over_nodes(tape, states, nodes, parameters, limit.constants)
+    scale = limit.scale[:, None]
+    high, low = values.max(axis=1), values.min(axis=1)
+    return np.asarray(np.maximum(high - limit.upper[:, None], limit.lower[:, None] - low) / scale)
 
 
-def _states(hodographs: list[list[Array]], nodes: Nodes, orders: Sequence[int]) -> Array:
-    """States at nodes ``(len(orders) dof, M, N)``."""
-    blocks: list[Array] = [np.empty(0)] * len(nodes)
-    for segment in {k for k, _ in nodes}:
-        members = [i for i, (k, _) in enumerate(nodes) if k == segment]
-        u = np.array([nodes[i][1] for i in members])
-        values = [np.tensordot(basis(len(hodographs[segment][o]) - 1, u), hodographs[segment][o], axes=1) for o in orders]
-        for row, i in enumerate(members):
-            blocks[i] = np.concatenate([value[row] for value in values])
-    return np.stack(blocks, axis=1)
-
-
-def _over_nodes(tape: Tape, states: Array, nodes: Nodes, parameters: Array, constants: Array | None) -> Array:
+def _over_nodes(tape: Tape, states: Array, nodes: _Nodes, parameters: Array, constants: Array | None) -> Array:
     """Runs a state function's tape over nodes and individuals together: ``(rows, M, N)``."""
-    width, m, n = states.shape
-    u = np.repeat(np.array([u for _, u in nodes]), n)[None]
+    m, n = states.shape[2:]
     p = np.tile(parameters, (1, m))
-    c = np.zeros((0, m * n)) if constants is None else np.repeat(constants[[k for k, _ in nodes]].T, n, axis=1)
-    return tape.evaluate(states.reshape(width, m * n), u, p, c)[0].reshape(-1, m, n)
+    c = np.zeros((0, m * n)) if constants is None else np.repeat(constants[nodes.segment].T, n, axis=1)
+    return tape.evaluate(states.reshape(-1, m * n), np.repeat(nodes.u, n)[None], p, c)[0].reshape(-1, m, n)

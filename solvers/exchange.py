@@ -24,6 +24,7 @@ from ocp_traj.problem import PathConstraint, Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.scalarise import Scalarisation
 from ocp_traj.solvers.ipopt import Ipopt
+from ocp_traj.solvers.repair import slow_down
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import (
     BACK_OFF,
@@ -80,7 +81,13 @@ class Exchange:
             start = x if len(nlp.labels) == len(x) else np.append(x, 0.0)
             solution = self.solver.solve(nlp, start, warm)
             iterations += solution.iterations
-            solution = replace(solution, iterations=iterations, rounds=number, seconds=time.perf_counter() - begun)
+            solution = replace(
+                solution,
+                iterations=iterations,
+                rounds=number,
+                instants=tuple(instants),
+                seconds=time.perf_counter() - begun,
+            )
             if solution.status in (Status.FAILED, Status.ITERATION_LIMIT) and warm is not None:
                 warm = None  # multipliers of a far point can mislead: once more without
                 continue
@@ -94,14 +101,17 @@ class Exchange:
             if checked.proved:
                 return solution
             peaks = worst_instants(problem, candidate, checked, self.back_off)
-            if number == 1:
+            if number == 1 and self.first is None:
                 instants = _near(instants, problem, solution)
             instants, renamed = _merge(instants, peaks, x, problem)
             inherited = {new: solution.multipliers.get(old, 0.0) for new, old in renamed.items()}
             warm = replace(solution, multipliers={**solution.multipliers, **inherited})
         assert solution is not None
-        if self.repair and checked is not None and problem.dilate is not None:
-            return repaired(problem, solution, begun)
+        if self.repair and checked is not None:
+            (mended,), (found,) = slow_down(problem, [x], [checked])
+            if found.proved:
+                solution = replace(solution, status=Status.FEASIBLE, detail="slowed down until every limit was proved")
+                return _finish(problem, solution, mended, trajectory(problem, mended), found, begun)
         return solution
 
 
@@ -116,24 +126,6 @@ def _finish(
         objectives=evaluate_objectives(problem, x),
         seconds=time.perf_counter() - begun,
     )
-
-
-def repaired(problem: Problem, solution: Solution, begun: float) -> Solution:
-    """Slows a solution down, by the audit's own bounds, until it is proved; unchanged if that does not help.
-
-    Position limits and gravity do not scale, so this mends near misses only: at most one tenth slower.
-    """
-    assert problem.dilate is not None and solution.audit is not None
-    step = max(max((-row.margin for row in solution.audit.failures), default=0.0), 1e-9)
-    factor = 1.0
-    while (factor := factor + step) <= 1.1:
-        x = np.asarray(problem.dilate(solution.x, factor))
-        candidate = trajectory(problem, x)
-        checked = audit(candidate, problem.requirements)
-        if checked.proved and (x <= problem.upper).all():
-            return _finish(problem, replace(solution, status=Status.FEASIBLE), x, candidate, checked, begun)
-        step *= 2.0
-    return solution
 
 
 def worst_instants(
