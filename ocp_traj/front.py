@@ -199,7 +199,9 @@ class Front:
             best = self._corner(ideal, "ideal")
             if not (best < worst).all():
                 name = self.objectives[int(np.argmin(best < worst))]
-                raise InputError(f"the hypervolume's ideal is not better than its reference in {name!r}; move one of them")
+                raise InputError(
+                    f"the hypervolume's ideal is not better than its reference in {name!r}; move one of them"
+                )
         else:
             best = self._costs().min(axis=0) if self.points else np.full(len(worst), np.nan)
         size = worst - best
@@ -213,19 +215,19 @@ class Front:
     def spread(self) -> float:
         """How unevenly the points lie, 0 for equal gaps; NaN for fewer than three points.
 
-        sum_i |d_i - mean d| / (N mean d) over the N distances d_i, between neighbours for two objectives (Delta of
-        Deb et al. 2002, sect. V-A) and from each point to its nearest for more (Zhou et al. 2006, eq. 9), all in
-        objectives divided by their ranges (our choice). The ends are the front's own, so their terms vanish.
+        sum_i |d_i - mean d| / (N mean d) over the N distances d_i: between neighbours for two objectives (Delta of
+        Deb et al. 2002, IEEE TEC 6(2)), from each point to its nearest for more (Zhou et al. 2006, CEC), in objectives
+        divided by their ranges (our choice). The true front's ends are not known; with the own ones their terms vanish.
         """
         if len(self) < 3:
-            return float("nan")
+            return np.nan
         z = self.normalised()
         if len(self.objectives) == 2:
             gaps = np.linalg.norm(np.diff(z[np.lexsort(z.T[::-1])], axis=0), axis=1)
         else:
             between = np.linalg.norm(z[:, None] - z[None], axis=2)
             gaps = (between + np.diag(np.full(len(z), np.inf))).min(axis=1)
-        return float(np.abs(gaps - gaps.mean()).sum() / (len(gaps) * gaps.mean()))
+        return float(np.abs(gaps - gaps.mean()).mean() / gaps.mean()) if gaps.any() else np.nan
 
     def knee(self) -> int:
         """Index of the point that bulges farthest towards the ideal from the hyperplane through the extreme points.

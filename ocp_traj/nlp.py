@@ -53,6 +53,7 @@ class NLP:
         rows: one a row of g.
         labels: one an entry of x.
         units: one an entry of x.
+        memory: outlives the NLP: a solver leaves its compiled derivatives here for the next NLP of the same problem.
     """
 
     name: str
@@ -66,6 +67,7 @@ class NLP:
     rows: tuple[Row, ...]
     labels: tuple[str, ...]
     units: tuple[str, ...]
+    memory: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Checks shapes."""

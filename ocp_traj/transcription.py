@@ -163,7 +163,9 @@ def uniform_instants(problem: Problem, per_segment: int) -> tuple[Instant, ...]:
 
 
 def _degrees(problem: Problem) -> tuple[int, ...]:
-    return problem.curve(casadi.SX.sym("x", problem.size)).degrees
+    """Degree of each segment."""
+    curve = curve_function(problem)
+    return tuple(curve.size1_out(k) - 1 for k in range(2, curve.n_out()))
 
 
 def _count(degree: int, limit: PathConstraint) -> int:
@@ -321,6 +323,7 @@ def transcribe(
         rows=tuple(rows),
         labels=(*problem.labels, *("gamma" for _ in extra)),
         units=(*problem.units, *("-" for _ in extra)),
+        memory=problem.cached("solver memory", dict),
     )
 
 

@@ -155,7 +155,8 @@ def _peaks(problem: Problem, limit: PathConstraint, candidate: Trajectory, back_
         excess = np.maximum(values - high[:, None], low[:, None] - values)
         left = np.pad(excess[:, :-1], ((0, 0), (1, 0)), constant_values=-np.inf)
         right = np.pad(excess[:, 1:], ((0, 0), (0, 1)), constant_values=-np.inf)
-        fall = np.where(np.isfinite(left + right), np.maximum(excess - left, excess - right), 0.0)
+        falls = np.stack([excess - left, excess - right])
+        fall = np.where(np.isfinite(falls), falls, 0.0).max(axis=0)
         peak = (excess >= left) & (excess > right) & (excess > -fall)
         members += [Instant(limit.id, k, float(u[i]), (int(row),)) for row, i in zip(*np.nonzero(peak), strict=True)]
     return members

@@ -119,6 +119,9 @@ class Ipopt:
             multipliers = {"lam_x0": warm.bound_multipliers, "lam_g0": matched_multipliers(nlp, warm)}
         options = {"print_time": False, "error_on_fail": False, "ipopt": self._settings(bool(multipliers))}
         solver = casadi.nlpsol("solver", "ipopt", {"x": nlp.x, "f": nlp.f, "g": nlp.g}, options)
+        # CasADi forgets the derivatives of a function with the last solver that uses them, and making them anew is most
+        # of the work of a small NLP: the solver stays alive until the next one has been built.
+        nlp.memory["solver"] = solver
         bounds = {"lbx": nlp.lower_x, "ubx": nlp.upper_x, "lbg": nlp.lower_g, "ubg": nlp.upper_g}
         result = solver(x0=x0, **bounds, **multipliers)
         stats = solver.stats()
