@@ -17,7 +17,9 @@ Array = NDArray[np.float64]
 Pair = tuple[Array, Array]  # lower, upper
 
 MAX_SPLITS = 48  # of one arc: our choice; an arc halved 48 times is shorter than rounding can tell
-SLACK = MAX_SPLITS * 2.3e-16  # a recorded end of an arc is rounded once a split, by half an ulp of 1 at most twice
+# A cut rounds the recorded end of an arc three times, by at most 2^-53 each in [0, 1]: of b - a, product and sum.
+SLACK = MAX_SPLITS * 3.4e-16
+_TINY = np.finfo(float).tiny
 
 
 def outward(lower: Array, upper: Array) -> Pair:
@@ -30,7 +32,7 @@ class Arcs:
     """N sub-arcs of segments of one degree.
 
     Attributes:
-        owner: index of the trajectory ``(N,)``.
+        owner: index of the trajectory ``(N,)``, ascending.
         segment: ``(N,)``.
         a, b: local times of the ends ``(N,)``, rounded; the arcs tile their segment exactly.
         duration: of the whole segment [s] ``(N,)``.
@@ -52,15 +54,16 @@ class Arcs:
         lower, upper = points, points
         hodographs = [(lower, upper)]
         time = duration[:, None, None]
-        for _ in range(orders):
-            degree = lower.shape[1] - 1
-            if degree == 0:
-                lower = upper = np.zeros_like(lower)
-            else:
-                lower, upper = outward(lower[:, 1:] - upper[:, :-1], upper[:, 1:] - lower[:, :-1])
-                lower, upper = outward(lower * degree, upper * degree)
-                lower, upper = outward(lower / time, upper / time)
-            hodographs.append((lower, upper))
+        with np.errstate(over="ignore"):  # an end that overflows outward is infinite, which is a bound
+            for _ in range(orders):
+                degree = lower.shape[1] - 1
+                if degree == 0:
+                    lower = upper = np.zeros_like(lower)
+                else:
+                    lower, upper = outward(lower[:, 1:] - upper[:, :-1], upper[:, 1:] - lower[:, :-1])
+                    lower, upper = outward(lower * degree, upper * degree)
+                    lower, upper = outward(lower / time, upper / time)
+                hodographs.append((lower, upper))
         n = len(owner)
         return cls(owner, segment, np.zeros(n), np.ones(n), duration, tuple(hodographs))
 
@@ -68,26 +71,38 @@ class Arcs:
         """Number of arcs."""
         return len(self.owner)
 
-    def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> Arcs:
-        """The arcs at these indices."""
+    @property
+    def dof(self) -> int:
+        """Number of joints."""
+        return int(self.hodographs[0][0].shape[2])
+
+    def take(self, which: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Arcs:
+        """The arcs at these ascending indices."""
         return Arcs(
             self.owner[which], self.segment[which], self.a[which], self.b[which], self.duration[which],
             tuple((low[which], high[which]) for low, high in self.hodographs),
         )  # fmt: skip
 
-    def split(self, at: Array) -> Arcs:
-        """Both halves of every arc, cut at the fraction ``at (N,)`` of its length (rounded to 2^-20, so exact)."""
+    def split(self, at: Array) -> tuple[Arcs, Arcs]:
+        """Left and right parts of every arc, cut at the fraction ``at (N,)`` (rounded to 2^-20, so exact)."""
         ratio = np.clip(np.round(at * 2.0**20), 1.0, 2.0**20 - 1.0) * 2.0**-20
         r = ratio[:, None, None]
         s = 1.0 - r  # exact: both are multiples of 2^-20
-        halves = [_de_casteljau(low, high, r, s) for low, high in self.hodographs]
+        with np.errstate(over="ignore"):
+            parts = [_de_casteljau(low, high, r, s) for low, high in self.hodographs]
         middle = self.a + ratio * (self.b - self.a)
-        both = [np.concatenate([values, values]) for values in (self.owner, self.segment, self.duration)]
-        hodographs = tuple(
-            (np.concatenate([left[0], right[0]]), np.concatenate([left[1], right[1]])) for left, right in halves
+        left, right = (tuple(part[i] for part in parts) for i in (0, 1))
+        return (
+            Arcs(self.owner, self.segment, self.a, middle, self.duration, left),
+            Arcs(self.owner, self.segment, middle, self.b, self.duration, right),
         )
-        a, b = np.concatenate([self.a, middle]), np.concatenate([middle, self.b])
-        return Arcs(both[0], both[1], a, b, both[2], hodographs)
+
+    def interleave(self, other: Arcs) -> Arcs:
+        """These arcs and as many others, alternating."""
+        names = ("owner", "segment", "a", "b", "duration")
+        plain = [interleave(getattr(self, name), getattr(other, name)) for name in names]
+        pairs = zip(self.hodographs, other.hodographs, strict=True)
+        return Arcs(*plain, tuple((interleave(x[0], y[0]), interleave(x[1], y[1])) for x, y in pairs))
 
     def hull(self, order: int) -> Pair:
         """Bounds of one derivative on each arc, ``(dof, N)`` each."""
@@ -100,60 +115,16 @@ class Arcs:
         return low[:, which].T, high[:, which].T
 
     def local_time(self) -> Pair:
-        """Enclosure of u over each arc, ``(1, N)``: the recorded ends are rounded once a split."""
-        slack = SLACK
-        return np.maximum(self.a - slack, 0.0)[None], np.minimum(self.b + slack, 1.0)[None]
+        """Enclosure of u over each arc, ``(1, N)``."""
+        return np.maximum(self.a - SLACK, 0.0)[None], np.minimum(self.b + SLACK, 1.0)[None]
 
     def end_time(self, which: int) -> Pair:
         """Enclosure of u at the start (0) or end (-1) of each arc, ``(1, N)``."""
-        slack = SLACK
         u = self.a if which == 0 else self.b
+        exact = (u == 0.0) | (u == 1.0)  # the ends of the segment itself: a cut never gets closer than SLACK matters
+        slack = np.where(exact, 0.0, SLACK)
         return np.maximum(u - slack, 0.0)[None], np.minimum(u + slack, 1.0)[None]
 
     def width(self) -> Array:
         """Upper bound of each arc's duration [s], ``(N,)``."""
         return (self.b - self.a + 2.0 * SLACK) * self.duration * (1.0 + 1e-15)
-
-
-def _de_casteljau(lower: Array, upper: Array, r: Array, s: Array) -> tuple[Pair, Pair]:
-    """Outward-rounded control points of both parts; r, s in (0, 1) are exact, ``(N, 1, 1)``."""
-    left, right = [(lower[:, :1], upper[:, :1])], [(lower[:, -1:], upper[:, -1:])]
-    while lower.shape[1] > 1:
-        # Each product and the sum round once: three steps outward cover them, in units of the larger product.
-        low, high = s * lower[:, :-1] + r * lower[:, 1:], s * upper[:, :-1] + r * upper[:, 1:]
-        slack = 4e-16 * np.maximum(np.abs(lower[:, :-1]), np.abs(lower[:, 1:]))
-        lower = np.nextafter(low - slack, -np.inf)
-        slack = 4e-16 * np.maximum(np.abs(upper[:, :-1]), np.abs(upper[:, 1:]))
-        upper = np.nextafter(high + slack, np.inf)
-        left.append((lower[:, :1], upper[:, :1]))
-        right.append((lower[:, -1:], upper[:, -1:]))
-    ends = [tuple(np.concatenate([pair[i] for pair in part], axis=1) for i in (0, 1)) for part in (left, right[::-1])]
-    return (ends[0][0], ends[0][1]), (ends[1][0], ends[1][1])
-
-
-def parabola_bound(start: Array, end: Array, curvature: Array, width: Array) -> Array:
-    """Upper bound of g on arcs from bounds at the ends and of -g''.
-
-    Args:
-        start, end: upper bounds of g at the ends ``(rows, N)``.
-        curvature: upper bound of -g'' ``(rows, N)`` [per s^2].
-        width: durations ``(N,)`` [s].
-
-    Returns:
-        ``(rows, N)``; inf where anything is unknown.
-    """
-    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        k = 0.5 * width**2 * np.maximum(curvature, 0.0) * (1.0 + 4e-15)
-        d = np.abs(end - start)
-        rise = np.where(k > d, (k - d) ** 2 / (4.0 * k) + 4e-16 * (k + d), 0.0)
-        bound = np.nextafter(np.maximum(start, end) + rise * (1.0 + 4e-15), np.inf)
-    # NaN (an unbounded curvature, say) must never pass for a bound.
-    return np.where(np.isfinite(k) & ~np.isnan(bound), bound, np.inf)
-
-
-def peak_fraction(start: Array, end: Array, curvature: Array, width: Array) -> Array:
-    """Where on the arc, in (0, 1), the bounding parabola peaks: the best place to cut, ``(N,)``."""
-    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        k = 0.5 * width**2 * np.maximum(curvature, 0.0)
-        fraction = 0.5 * (1.0 + (end - start) / k)
-    return np.where(np.isfinite(fraction), np.clip(fraction, 0.125, 0.875), 0.5)

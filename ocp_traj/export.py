@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from ocp_traj import problems
-from ocp_traj.errors import FileFormatError, InputError
+from ocp_traj.errors import InputError
 from ocp_traj.files import write_text, write_with
 from ocp_traj.store import plain, read_front_csv, read_manifest
 from ocp_traj.trajectory import COLUMNS, Trajectory
@@ -101,9 +101,10 @@ def _write_ros(trajectory: Trajectory, target: Path, samples: int) -> Path:
     suffix = target.suffix.lower()
     if suffix not in ROS_SUFFIXES:
         raise InputError(f"a ros trajectory is written as {', '.join(ROS_SUFFIXES)}; {target.name!r} ends otherwise")
-    lists = [trajectory.sample(samples)[name].to_numpy().tolist() for name in ("q", "v", "a")]
+    sampled = trajectory.sample(samples)
+    lists = [sampled[name].to_numpy().tolist() for name in ("q", "v", "a")]
     points = []
-    for time, *rows in zip(trajectory.sample(samples).index, *lists, strict=True):
+    for time, *rows in zip(sampled.index, *lists, strict=True):
         seconds, nanoseconds = divmod(round(float(time) * 1e9), 10**9)
         fields = dict(zip(("positions", "velocities", "accelerations"), rows, strict=True))
         points.append({**fields, "time_from_start": {"sec": seconds, "nanosec": nanoseconds}})

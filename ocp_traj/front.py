@@ -233,7 +233,8 @@ class Front:
         """Index of the point that bulges farthest towards the ideal from the hyperplane through the extreme points.
 
         Das (1999), Structural Optimization 18, in objectives divided by their ranges. Where there is no such plane or
-        no point lies on the ideal's side of it (two points, a straight or a concave front): the point closest to the ideal.
+        no point lies on the ideal's side of it (two points, a straight or a concave front): the point closest to the
+        ideal.
         """
         z = self.normalised()
         extremes = np.array([z[min(range(len(z)), key=lambda i: (z[i, k], z[i].sum()))] for k in range(z.shape[1])])
@@ -265,18 +266,19 @@ class Front:
 
     def _corner(self, point: Point, what: str) -> Array:
         """A corner of the hypervolume's box, signed so that less is better."""
+        wanted = ", ".join(self.objectives)
         if isinstance(point, Mapping):
-            missing = [name for name in self.objectives if name not in point]
+            missing = ", ".join(name for name in self.objectives if name not in point)
             if missing:
                 raise InputError(
-                    f"the hypervolume's {what} point has no value for {', '.join(missing)}; "
-                    f"it has {', '.join(point) or 'none'}; give {what}={{objective: value}} for {', '.join(self.objectives)}"
+                    f"the hypervolume's {what} point has no value for {missing}, it has {', '.join(point) or 'none'}; "
+                    f"give {what}={{objective: value}} for {wanted}"
                 )
             point = [point[name] for name in self.objectives]
         values = np.asarray(point, dtype=float)
         if values.shape != (len(self.objectives),) or not np.isfinite(values).all():
             raise InputError(
-                f"the hypervolume's {what} point is {values.tolist()}; give one finite number for each of {', '.join(self.objectives)}"
+                f"the hypervolume's {what} point is {values.tolist()}; give one finite number for each of {wanted}"
             )
         return np.asarray(values * _signs(self.traded))
 

@@ -122,8 +122,8 @@ def _pair(axes: Axes, front: Front, first: str, second: str, published: Mapping[
             )
     if front.points:
         knee = front.points[front.knee()].objectives
-        ring = {"s": 110, "facecolors": "none", "edgecolors": "#1e8449", "linewidths": 1.8, "zorder": 4}
-        axes.scatter([knee[first]], [knee[second]], label="knee", **ring)
+        x, y = [knee[first]], [knee[second]]
+        axes.scatter(x, y, s=110, facecolors="none", edgecolors="#1e8449", linewidths=1.8, label="knee", zorder=4)
         ideal = front.ideal
         axes.scatter([ideal[first]], [ideal[second]], marker="+", s=90, color="0.35", label="ideal", zorder=2)
     else:

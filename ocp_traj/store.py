@@ -10,7 +10,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from io import StringIO
 from pathlib import Path
@@ -26,13 +26,12 @@ from ocp_traj.errors import FileFormatError, InputError
 from ocp_traj.files import read_json, read_text
 from ocp_traj.front import Front, FrontPoint
 from ocp_traj.plot import plot_front
-from ocp_traj.problem import Problem
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import case_fields, trajectory
+from ocp_traj.transcription import case_fields, evaluate_objectives, trajectory
 
 FORMAT = "ocp-traj/run/1"
 PACKAGES = ("casadi", "pin", "pymoo", "numpy")
-AGREE = 1e-6  # relative, by which a row and its trajectory may differ: far above what another CasADi rounds differently
+AGREE = 1e-6  # relative, by which a row and its trajectory may differ: far above what other versions round differently
 
 
 def check_target(folder: str | Path, force: bool = False) -> Path:
@@ -135,14 +134,14 @@ def load_run(folder: str | Path) -> Front:
     """Reads a run folder; the problem is built again from its id and case.
 
     Verdicts and margins are those of ``front.csv``: ``front.audit(i)`` proves them anew. What is checked is that the
-    files belong together: each row's variables give its trajectory.
+    files belong together: each row's variables give its objectives and its trajectory.
     """
     root = Path(folder)
     run = read_manifest(root)
     try:
         problem = problems.load(run["problem"], **run["case"])
         front = Front(
-            problem, tuple(run["objectives"]), (), run["method"], run["seed"], float(run["seconds"]), run["info"]
+            problem, tuple(run["objectives"]), (), run["method"], run["seed"], float(run["seconds"]), dict(run["info"])
         )
     except KeyError as error:
         raise FileFormatError(f"{root / 'run.json'}: the field {error} of format {FORMAT} is missing") from error
@@ -173,46 +172,59 @@ def read_front_csv(path: Path) -> pd.DataFrame:
     """A ``front.csv``, every number as it was written, indexed by ``point``."""
     text = read_text(path, "front")
     try:
-        table = pd.read_csv(StringIO(text), float_precision="round_trip")
+        table = pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
     except ValueError as error:  # of pandas' parser
         raise FileFormatError(f"{path} is not a front: {error}") from error
-    named = list(table.columns)
-    if named[:1] != ["point"] or not {"margin", "verdict"} <= set(named):
+    if list(table.columns[:1]) != ["point"] or not {"margin", "verdict"} <= set(table.columns):
         raise FileFormatError(f"{path} is not a front: it has no columns point, margin and verdict")
-    if table["point"].tolist() != list(range(len(table))):
+    if table["point"].tolist() != [str(index) for index in range(len(table))]:
         raise FileFormatError(f"{path} is not a front: its points are not numbered 0, 1, 2, ..; a row is missing")
-    verdicts = set(table["verdict"]) - {PROVED, UNDECIDED, VIOLATED}
-    if verdicts:
-        raise FileFormatError(f"{path} is not a front: it has the verdicts {sorted(map(str, verdicts))}")
-    numbers = table.drop(columns=["point", "margin", "verdict"])
-    finite = numbers.apply(pd.to_numeric, errors="coerce").apply(np.isfinite)
-    if not finite.all(axis=None):
-        column = next(name for name in numbers if not finite[name].all())
-        raise FileFormatError(f"{path} is not a front: {column} holds something that is no finite number")
-    return table.set_index("point")
+    unknown = set(table["verdict"]) - {PROVED, UNDECIDED, VIOLATED}
+    if unknown:
+        raise FileFormatError(f"{path} is not a front: it has the verdicts {sorted(unknown)}")
+    numbers = {str(name): table[name] for name in table.columns.drop(["point", "verdict"])}
+    read = pd.DataFrame({name: _numbers(path, name, column) for name, column in numbers.items()})
+    read.insert(list(table.columns).index("verdict") - 1, "verdict", table["verdict"].astype(object))
+    return read.rename_axis("point")
+
+
+def _numbers(path: Path, name: str, texts: Iterable[str]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """A column's numbers to the last bit, which not every version of pandas reads."""
+    try:
+        numbers = np.array([float(text) for text in texts], dtype=float)
+    except ValueError as error:
+        raise FileFormatError(f"{path} is not a front: {name} holds what is no number: {error}") from error
+    if np.isnan(numbers).any() or (name != "margin" and np.isinf(numbers).any()):  # no path limit: margin inf
+        raise FileFormatError(f"{path} is not a front: {name} holds what is no finite number")
+    return numbers
 
 
 def _point(front: Front, row: tuple[Any, ...], root: Path, index: int) -> FrontPoint:
-    numbers = np.array(row[:-2], dtype=float)
-    *plain_values, margin, verdict = row
-    split = len(numbers) - front.problem.size
-    names = [name for name, _ in front.columns[:split]]
+    """One row of ``front.csv`` with its trajectory; raises ``FileFormatError`` where they do not belong together."""
+    *numbers, margin, verdict = row
+    names = [name for name, _ in front.columns[: len(numbers) - front.problem.size]]
+    x = np.array(numbers[len(names) :], dtype=float)
+    objectives = dict(zip(names, map(float, numbers), strict=False))
     path = _trajectory_file(root, index)
-    moved = Trajectory.load(path)
-    if not _belongs(front.problem, numbers[split:], moved):
-        raise FileFormatError(f"{path} is not the trajectory of point {index} of front.csv: one of them was changed")
-    return FrontPoint(
-        numbers[split:], dict(zip(names, numbers[:split].tolist(), strict=True)), moved, float(margin), str(verdict)
-    )
+    found, computed = Trajectory.load(path), evaluate_objectives(front.problem, x)
+    if not _same(found, trajectory(front.problem, x)) or not all(
+        np.isclose(objectives[name], computed[name], rtol=AGREE, atol=AGREE) for name in names
+    ):
+        raise FileFormatError(
+            f"{path} and point {index} of front.csv do not belong together: one of them was changed, or run.json was"
+        )
+    return FrontPoint(x, objectives, found, float(margin), str(verdict))
 
 
-def _belongs(problem: Problem, x: np.ndarray[Any, np.dtype[np.float64]], moved: Trajectory) -> bool:
-    """Whether a trajectory is, to rounding, the one that x stands for."""
-    expected = trajectory(problem, x)
-    if (moved.problem, moved.joints, moved.curve.degrees) != (problem.id, expected.joints, expected.curve.degrees):
+def _same(one: Trajectory, other: Trajectory) -> bool:
+    """Whether two trajectories are the same to rounding."""
+    if any(getattr(one, name) != getattr(other, name) for name in ("problem", "case", "joints")):
         return False
-    pairs = [(moved.curve.durations, expected.curve.durations)]
-    pairs += zip(moved.curve.control_points, expected.curve.control_points, strict=True)
+    if one.curve.degrees != other.curve.degrees or set(one.parameters) != set(other.parameters):
+        return False
+    pairs = [(one.curve.durations, other.curve.durations)]
+    pairs += zip(one.curve.control_points, other.curve.control_points, strict=True)
+    pairs += [(np.array(one.parameters[name]), np.array(other.parameters[name])) for name in other.parameters]
     return all(np.abs(a - b).max() <= AGREE * (1.0 + np.abs(b).max()) for a, b in pairs)
 
 

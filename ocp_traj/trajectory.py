@@ -1,4 +1,4 @@
-"""A trajectory: a numeric curve with the problem, case and variables it came from. Samples, dilates, saves and loads."""
+"""A trajectory: a numeric curve with the problem, case and variables it came from: samples, dilates, saves, loads."""
 
 from __future__ import annotations
 
@@ -80,14 +80,14 @@ class Trajectory:
 
     def audit(self, **options: Any) -> Audit:
         """Checks every limit of its problem at every instant; see ``ocp_traj.audit.audit``."""
-        from ocp_traj import problems
         from ocp_traj.audit import audit
+        from ocp_traj.problems import load
 
         if not self.problem:
             raise InputError(
                 "this trajectory names no problem; give its limits: ocp_traj.audit.audit(trajectory, requirements)"
             )
-        return audit(self, problems.load(self.problem, **self.case).requirements, **options)
+        return audit(self, load(self.problem, **self.case).requirements, **options)
 
     def to_dict(self) -> dict[str, Any]:
         """As plain JSON values."""
@@ -116,24 +116,24 @@ class Trajectory:
         """From plain JSON values, in one of three formats.
 
         ``ocp-traj/trajectory/1``: ``joints``, ``durations [s] (K,)``, ``control_points`` per segment ``(n + 1, dof)``.
-        ``ocp-traj/samples/1``: ``joints``, ``times [s] (N,)`` increasing, ``positions (N, dof)``: a C2 cubic spline is put
-        through the points, at rest at both ends if ``"rest": true``, else not-a-knot; what is audited is that spline.
+        ``ocp-traj/samples/1``: ``joints``, ``times [s] (N,)`` increasing, ``positions (N, dof)``: a C2 cubic spline is
+        put through the points, at rest at both ends if ``"rest": true``, else not-a-knot; the audit is of that spline.
         ``ocp-traj/spline/1``: ``joints``, ``knots [s] (K + 1,)``, ``coefficients`` per segment ``(n + 1, dof)``,
         of ascending powers of the time since the segment's start.
         """
         kind = data.get("format") if isinstance(data, dict) else None
         readers = {FORMAT: _read_control_points, SAMPLES_FORMAT: _read_samples, SPLINE_FORMAT: _read_spline}
-        if kind not in readers:
+        if not isinstance(kind, str) or kind not in readers:
             raise FileFormatError(f"{source} is not a trajectory: its format is {kind!r}; allowed {', '.join(readers)}")
         try:
             curve = readers[kind](data)
             return cls(
                 curve,
-                tuple(str(name) for name in data["joints"]),
+                _names(data["joints"]),
                 str(data.get("problem", "")),
                 dict(data.get("case", {})),
                 {k: np.atleast_1d(np.asarray(v, dtype=float)) for k, v in data.get("variables", {}).items()},
-                {k: float(v) for k, v in data.get("parameters", {}).items()},
+                {k: float(_finite(v, f"the parameter {k}", 0)) for k, v in data.get("parameters", {}).items()},
             )
         except KeyError as error:
             raise FileFormatError(f"{source}: the field {error} of format {kind} is missing") from error
@@ -141,32 +141,41 @@ class Trajectory:
             raise FileFormatError(f"{source} is not a sound {kind} file: {error}") from error
 
 
-def _finite(values: Any, what: str) -> Array:
+def _names(joints: Any) -> tuple[str, ...]:
+    if not isinstance(joints, list | tuple) or len({str(name) for name in joints}) < len(joints):
+        raise ValueError(f"joints are {joints!r}; give a list of different names")
+    return tuple(str(name) for name in joints)
+
+
+def _finite(values: Any, what: str, rank: int) -> Array:
     numbers = np.asarray(values, dtype=float)
+    if numbers.ndim != rank:  # one of another shape would be broadcast into a curve nobody meant
+        raise ValueError(f"{what} must be nested {rank} deep, not {numbers.ndim}")
     if not np.isfinite(numbers).all():
-        raise ValueError(f"{what} are not all finite numbers")
+        raise ValueError(f"{what} must be finite numbers")
     return numbers
 
 
 def _read_control_points(data: dict[str, Any]) -> PiecewiseBezier:
     return PiecewiseBezier(
-        _finite(data["durations"], "durations"),
-        tuple(_finite(points, "control points") for points in data["control_points"]),
+        _finite(data["durations"], "durations", 1),
+        tuple(_finite(points, "control points", 2) for points in data["control_points"]),
     )
 
 
 def _read_samples(data: dict[str, Any]) -> PiecewiseBezier:
-    times, positions = _finite(data["times"], "times"), _finite(data["positions"], "positions")
-    return PiecewiseBezier.from_ppoly(
-        CubicSpline(times, positions, bc_type="clamped" if data.get("rest") else "not-a-knot")
-    )
+    times, positions = _finite(data["times"], "times", 1), _finite(data["positions"], "positions", 2)
+    rest = data.get("rest", False)
+    if not isinstance(rest, bool):
+        raise ValueError(f"rest is {rest!r}; give true or false")
+    return PiecewiseBezier.from_ppoly(CubicSpline(times, positions, bc_type="clamped" if rest else "not-a-knot"))
 
 
 def _read_spline(data: dict[str, Any]) -> PiecewiseBezier:
-    durations = np.diff(_finite(data["knots"], "knots"))
+    durations = np.diff(_finite(data["knots"], "knots", 1))
     segments = []
     for duration, powers in zip(durations, data["coefficients"], strict=True):
-        coefficients = _finite(powers, "coefficients")
+        coefficients = _finite(powers, "coefficients", 2)
         degree = len(coefficients) - 1
         # B_i = sum_j C(i, j) / C(n, j) c_j T^j; Farin (2002), sect. 5.8.
         scaled = coefficients * (duration ** np.arange(degree + 1))[:, None]

@@ -41,6 +41,11 @@ Array = NDArray[np.float64]
 
 SCAN = 48  # samples a segment when looking for peaks: our choice, far denser than the degrees in use have peaks
 KEEP = 0.1  # of a limit's scale: rows with more slack than this after the first solve are dropped; our choice
+STALLED, NEGLIGIBLE = (
+    4.0,
+    1e-6,
+)  # a round that gains less than this factor on an excess this small: back off; our choice
+WARM_ITERATIONS = 80  # a warm start that needs more is none
 NEAR = 0.15  # of a segment: a new peak this close to a moving instant replaces it
 
 
@@ -74,55 +79,66 @@ class Exchange:
         """
         begun = time.perf_counter()
         instants = list(self.first if self.first is not None else few_instants(problem))
-        x, solution, checked = np.asarray(x0, dtype=float), None, None
-        iterations = 0
+        x, iterations, back_off, excess = np.asarray(x0, dtype=float), 0, self.back_off, np.inf
+        last: Solution | None = None  # feasible at its instants, not proved
         for number in range(1, self.max_rounds + 1):
-            nlp = transcribe(problem, scalarisation, instants, self.back_off)
-            start = x if len(nlp.labels) == len(x) else np.append(x, 0.0)
-            solution = self.solver.solve(nlp, start, warm)
+            nlp = transcribe(problem, scalarisation, instants, back_off)
+            start = np.append(x, np.zeros(len(nlp.labels) - len(x)))
+            hurried = replace(self.solver, max_iter=min(self.solver.max_iter, WARM_ITERATIONS)) if warm else self.solver
+            solution = hurried.solve(nlp, start, warm)
             iterations += solution.iterations
-            solution = replace(
-                solution,
-                iterations=iterations,
-                rounds=number,
-                instants=tuple(instants),
-                seconds=time.perf_counter() - begun,
-            )
-            if solution.status in (Status.FAILED, Status.ITERATION_LIMIT) and warm is not None:
-                warm = None  # multipliers of a far point can mislead: once more without
-                continue
+            if solution.status is not Status.SOLVED and warm is not None:
+                # Multipliers, or an instant that races along a flat peak, can mislead: once more without either.
+                instants = [_frozen(instant, x) for instant in instants]
+                nlp = transcribe(problem, scalarisation, instants, back_off)
+                solution = self.solver.solve(nlp, start)
+                iterations += solution.iterations
+            solution = replace(solution, iterations=iterations, rounds=number, instants=tuple(instants))
             if not solution.ok:
-                return solution
+                solution = replace(solution, seconds=time.perf_counter() - begun)
+                break
             x = solution.x[: problem.size]
-            candidate = trajectory(problem, x)
-            checked = audit(candidate, problem.requirements)
-            self.progress(number, self.max_rounds, f"{len(nlp.rows)} rows, {checked.verdict}")
-            solution = _finish(problem, solution, x, candidate, checked, begun)
-            if checked.proved:
+            last = solution = _finished(problem, solution, x, begun)
+            assert solution.audit is not None and solution.trajectory is not None
+            self.progress(number, self.max_rounds, f"{len(nlp.rows)} rows, {solution.audit.verdict}")
+            if solution.audit.proved:
                 return solution
-            peaks = worst_instants(problem, candidate, checked, self.back_off)
+            before, excess = excess, _excess(problem, solution.audit)
+            if before / STALLED < excess < NEGLIGIBLE:
+                back_off += 2.0 * excess  # flat peaks wander for ever: stay clear of the limit by what they wander
+            peaks = worst_instants(problem, solution.trajectory, solution.audit, self.back_off)
             if number == 1 and self.first is None:
                 instants = _near(instants, problem, solution)
             instants, renamed = _merge(instants, peaks, x, problem)
             inherited = {new: solution.multipliers.get(old, 0.0) for new, old in renamed.items()}
             warm = replace(solution, multipliers={**solution.multipliers, **inherited})
-        assert solution is not None
-        if self.repair and checked is not None:
-            (mended,), (found,) = slow_down(problem, [x], [checked])
+        if self.repair and last is not None and last.audit is not None:
+            (mended,), (found,) = slow_down(problem, [last.x], [last.audit])
             if found.proved:
-                solution = replace(solution, status=Status.FEASIBLE, detail="slowed down until every limit was proved")
-                return _finish(problem, solution, mended, trajectory(problem, mended), found, begun)
+                words = "slowed down until every limit was proved"
+                return _finished(problem, replace(last, status=Status.FEASIBLE, detail=words), mended, begun, found)
         return solution
 
 
-def _finish(
-    problem: Problem, solution: Solution, x: Array, candidate: Trajectory, checked: Audit, begun: float
-) -> Solution:
+def _excess(problem: Problem, checked: Audit) -> float:
+    """Largest relative amount by which a path limit is broken, at the instants the audit found."""
+    scale = {
+        (limit.id, label): float(size)
+        for limit in problem.requirements.path_constraints
+        for label, size in zip(limit.labels, limit.scale, strict=True)
+    }
+    rows = [row for row in checked.failures if (row.limit, row.label) in scale]
+    return max((abs(row.attained - row.bound) / scale[row.limit, row.label] for row in rows), default=0.0)
+
+
+def _finished(problem: Problem, solution: Solution, x: Array, begun: float, checked: Audit | None = None) -> Solution:
+    """A solution with its trajectory, objectives and audit."""
+    candidate = trajectory(problem, x)
     return replace(
         solution,
         x=x,
         trajectory=candidate,
-        audit=checked,
+        audit=checked or audit(candidate, problem.requirements),
         objectives=evaluate_objectives(problem, x),
         seconds=time.perf_counter() - begun,
     )
@@ -235,6 +251,10 @@ def _where(instant: Instant, x: Array) -> float:
     if instant.slope is None or instant.anchor is None:
         return instant.u
     return float(np.clip(instant.u + instant.slope @ (x - instant.anchor), 0.0, 1.0))
+
+
+def _frozen(instant: Instant, x: Array) -> Instant:
+    return replace(instant, u=_where(instant, x), slope=None, anchor=None)
 
 
 def _limit(problem: Problem, instant: Instant) -> PathConstraint:

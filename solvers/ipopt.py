@@ -130,7 +130,7 @@ class Ipopt:
         status = _STATUS.get(stats["return_status"], Status.FAILED)
         if status.ok and not violation <= self.feasibility:
             status = Status.FAILED
-        elif status in (Status.FAILED, Status.ITERATION_LIMIT, Status.TIME_LIMIT) and violation <= self.feasibility:
+        elif status in (Status.ITERATION_LIMIT, Status.TIME_LIMIT) and violation <= self.feasibility:
             status = Status.FEASIBLE
         return Solution(
             name=nlp.name,

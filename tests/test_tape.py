@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ocp_traj.errors import InputError, KinkedExpression, UnsupportedOperation
-from ocp_traj.tape import _FLOAT, _INTERVAL, _NAMES, Tape
+from ocp_traj.tape import _FLOAT, _INTERVAL, _NAMES, Tape, _apply
 
 Array = NDArray[Any]
 SX = casadi.SX
@@ -336,16 +336,16 @@ def test_enclosure_contains_exact_values(name: str) -> None:
 def test_enclosure_holds_at_every_multiple_of_half_pi(name: str) -> None:
     """The worst cases of argument reduction and of quadrant counting: the floats around all multiples up to 1e5."""
     nearest = np.arange(-63_700, 63_701) * (np.pi / 2)
-    for steps in (-1, 0, 1):
-        for width in (0, 1):
-            low = nearest + steps * np.spacing(nearest)
-            high = low + width * np.spacing(np.abs(low))
-            lower, upper = _enclose(_case_function(name), (low, high))
-            for point in (low, high):
-                with np.errstate(all="ignore"):
-                    value = CASES[name].wide(point.astype(np.longdouble))
-                slack = 4 * np.finfo(np.longdouble).eps * np.abs(value)
-                assert (lower <= value + slack).all() and (value - slack <= upper).all()
+    for steps in (-1, 0, 1, 10_000):
+        low = nearest + steps * np.spacing(nearest)
+        high = low + np.spacing(np.abs(low))
+        lower, upper = _enclose(_case_function(name), (low, high))
+        assert name == "tan" or ((lower >= -1.0).all() and (upper <= 1.0).all())
+        for point in (low, high):
+            with np.errstate(all="ignore"):
+                value = CASES[name].wide(point.astype(np.longdouble))
+            slack = 4 * np.finfo(np.longdouble).eps * np.abs(value)
+            assert (lower <= value + slack).all() and (value - slack <= upper).all()
 
 
 @pytest.mark.parametrize(("name", "peak"), [("sin", 0.25), ("cos", 0.0)])
@@ -353,12 +353,11 @@ def test_extrema_inside_are_found(name: str, peak: float) -> None:
     rng = np.random.default_rng(2)
     for extremum, turns in ((1.0, peak), (-1.0, peak + 0.5)):
         centre = (rng.integers(-15_000, 15_000, N_BOXES) + turns) * (2 * np.pi)
-        low, high = centre - 10 ** rng.uniform(-10, 0.4, N_BOXES), centre + 10 ** rng.uniform(-10, 0.4, N_BOXES)
-        lower, upper = _enclose(_case_function(name), (low, high))
+        left, right = 10 ** rng.uniform(-10, 0.4, (2, N_BOXES))
+        lower, upper = _enclose(_case_function(name), (centre - left, centre + right))
         assert ((lower if extremum < 0 else upper) == extremum).all()
-        opposite = np.maximum(np.cos(np.minimum(high - centre, np.pi)), np.cos(np.minimum(centre - low, np.pi)))
-        inner = upper if extremum < 0 else -lower  # the other end stays near the value at an end of the box
-        assert (inner <= 1.0).all() and np.mean(inner < 0.9) > 0.1 and (opposite <= 1).all()
+        other = -upper if extremum < 0 else lower  # the value at the farther end, the opposite extremum being outside
+        np.testing.assert_allclose(other, np.cos(np.maximum(left, right)), atol=1e-10)
 
 
 def test_huge_angles_have_the_whole_range() -> None:
@@ -416,8 +415,9 @@ def test_known_ranges_are_tight() -> None:
     assert ends(lambda x, y: x**y, (0.5, 2.0), (-1.0, 3.0)) == pytest.approx((0.125, 8.0))
     assert ends(casadi.atan2, (-1.0, 1.0), (1.0, 2.0)) == pytest.approx((-np.pi / 4, np.pi / 4))
     assert ends(casadi.atan2, (1.0, 2.0), (-1.0, 1.0)) == pytest.approx((np.pi / 4, 3 * np.pi / 4))
-    low, high = ends(casadi.atan2, (-1.0, 1.0), (-2.0, -1.0))
-    assert low == pytest.approx(-np.pi) and low < -np.pi and high > np.pi
+    for y in ((-1.0, 1.0), (0.0, 1.0), (-1.0, 0.0)):
+        low, high = ends(casadi.atan2, y, (-2.0, -1.0))
+        assert low == np.nextafter(-np.pi, -4.0) and high == np.nextafter(np.pi, 4.0)
 
 
 def test_product_with_itself_is_a_square() -> None:
@@ -491,6 +491,15 @@ def test_outside_of_the_domain_nothing_is_known() -> None:
     for name, value in {**boxes, "power 2.3": -1.0, "inv": 0.0}.items():
         lower, upper = _enclose(_case_function(name), (np.array([value]), np.array([value])))
         assert lower[0] == -np.inf and upper[0] == np.inf, name
+
+
+def test_flag_raised_without_cause_does_no_harm() -> None:
+    def double(x: Array) -> Array:
+        np.sqrt(-np.ones(1))  # as vectorised code does on unused lanes
+        return 2.0 * x
+
+    with np.errstate(invalid="raise"):
+        assert _apply(double, np.ones(3)).tolist() == [2.0, 2.0, 2.0]
 
 
 def test_an_end_that_is_nan_is_infinite() -> None:

@@ -1,0 +1,187 @@
+"""The largest payload (DLCC): along a given trajectory, over all trajectories within a time, and for every time law.
+
+Guo et al. (2016), sect. 5, raise the mass along an optimised trajectory until an effort reaches its limit. Here the mass
+is bracketed by proofs: the payload reported is one whose trajectory was proved, the next one up is not. The joint
+problem makes the mass a decision variable. The static bound needs no trajectory: where position, velocity and
+acceleration are given, at the ends of a rest-to-rest motion, efforts depend on the mass alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ocp_traj.audit import Audit, audit_all
+from ocp_traj.errors import InputError, NoSolutionFound
+from ocp_traj.fixed_states import fixed_values
+from ocp_traj.nlp import Solution
+from ocp_traj.problem import Problem
+from ocp_traj.scalarise import EpsilonConstraint
+from ocp_traj.solvers.multistart import Multistart
+from ocp_traj.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+PARAMETER = "payload"
+OBJECTIVE = "payload_mass"
+TOLERANCE = 1e-6  # [kg] between the payload that is proved and the one that is not: our choice
+BATCH = 16  # masses audited together
+
+
+@dataclass(frozen=True, eq=False)
+class LargestPayload:
+    """A largest payload and what stops it.
+
+    Attributes:
+        payload: [kg].
+        binding: limit and label that stop it.
+        instant: when [s]; 0 or the end for the static bound.
+        kind: ``every time law``, ``along a trajectory`` or ``within a time``.
+        value, bound, unit: of the binding limit at this payload.
+        argument: why, in one sentence.
+        trajectory, audit: the one that carries it, where there is one.
+        solution: of the joint problem.
+    """
+
+    payload: float
+    binding: str
+    instant: float
+    kind: str
+    value: float
+    bound: float
+    unit: str
+    argument: str
+    trajectory: Trajectory | None = None
+    audit: Audit | None = None
+    solution: Solution | None = field(default=None, repr=False)
+
+
+def _parameter_index(problem: Problem) -> int:
+    if PARAMETER not in problem.requirements.parameters:
+        raise InputError(f"{problem.id} has no payload; its parameters are {list(problem.requirements.parameters)}")
+    return problem.requirements.parameters.index(PARAMETER)
+
+
+def static_bound(problem: Problem) -> LargestPayload:
+    """The payload no time law can exceed, from the efforts at the ends, where the motion is given.
+
+    A row v(m) = v(0) + m (v(1) - v(0)) meets its bound at one mass; the smallest of them is the bound.
+    """
+    index, count = _parameter_index(problem), len(problem.requirements.parameters)
+    best: LargestPayload | None = None
+    for fixed in fixed_values(problem):
+        masses = [np.eye(count)[index] * m for m in (0.0, 1.0, 2.0)]
+        at_rest, one, two = (float(fixed.value(p)) for p in masses)
+        slope = one - at_rest
+        if abs(slope) <= 1e-12 * max(1.0, abs(at_rest)):
+            continue
+        if abs(two - one - slope) > 1e-9 * max(1.0, abs(two)):
+            raise InputError(
+                f"limit {fixed.limit.id!r} is not linear in the payload; its static bound has no closed form"
+            )
+        bound = float(fixed.limit.upper[fixed.row] if slope > 0.0 else fixed.limit.lower[fixed.row])
+        mass = (bound - at_rest) / slope
+        if np.isfinite(mass) and (best is None or mass < best.payload):
+            name, unit = f"{fixed.limit.id} {fixed.limit.labels[fixed.row]}", fixed.limit.units[fixed.row]
+            end = "start" if fixed.segment == 0 and fixed.instant == 0.0 else "end"
+            argument = (
+                f"at the {end} position, velocity and acceleration are given, so {name} is {at_rest:.6g} {unit} "
+                f"{slope:+.6g} {unit}/kg whatever the time law, and may reach {bound:.6g} {unit}"
+            )
+            best = LargestPayload(mass, name, 0.0, "every time law", bound, bound, unit, argument)
+    if best is None:
+        raise InputError(f"{problem.id}: no limit at its ends depends on the payload alone; there is no static bound")
+    return best
+
+
+def along(problem: Problem, trajectory: Trajectory, largest: float | None = None) -> LargestPayload:
+    """The largest payload along a trajectory whose timing stays as it is, bracketed by proofs to ``TOLERANCE``.
+
+    Args:
+        problem: whose limits; its payload is a parameter of the trajectory.
+        trajectory: any that meets the limits with some payload between zero and its own.
+        largest: where to stop looking [kg]; the static bound, if there is one, else 1000 kg.
+    """
+    _parameter_index(problem)
+    top = 1000.0 if largest is None else largest
+
+    def audits(masses: Sequence[float]) -> list[Audit]:
+        loaded = [replace(trajectory, parameters={**trajectory.parameters, PARAMETER: float(m)}) for m in masses]
+        return audit_all(loaded, problem.requirements)
+
+    own = float(trajectory.parameters.get(PARAMETER, 0.0))
+    proved = next((m for m, a in zip((own, 0.0), audits([own, 0.0]), strict=True) if a.proved), None)
+    if proved is None:
+        raise NoSolutionFound(
+            f"{problem.id}: the trajectory breaks its limits with its own payload ({own:g} kg) and with none: "
+            f"{audits([0.0])[0].explain()}"
+        )
+    low, high, above = proved, top, audits([top])[0]
+    if above.proved:
+        raise InputError(
+            f"{problem.id}: even {top:g} kg are proved along this trajectory; give a larger mass to look up to"
+        )
+    while high - low > TOLERANCE:
+        masses = np.linspace(low, high, BATCH + 2)[1:-1]
+        found = audits(masses)
+        first = next((i for i, a in enumerate(found) if not a.proved), len(found))
+        if first < len(found):
+            high, above = float(masses[first]), found[first]
+        if first > 0:
+            low = float(masses[first - 1])
+    carried = replace(trajectory, parameters={**trajectory.parameters, PARAMETER: low})
+    row = above.failures[0]
+    return LargestPayload(
+        payload=low,
+        binding=f"{row.limit} {row.label}",
+        instant=row.instant,
+        kind="along a trajectory",
+        value=row.attained,
+        bound=row.bound,
+        unit=row.unit,
+        argument=f"{low:.6f} kg are proved along the trajectory, {high:.6f} kg are not: {row.limit} {row.label} "
+        f"reaches {row.attained:.6g} {row.unit} at t = {row.instant:.6g} s",
+        trajectory=carried,
+        audit=audits([low])[0],
+    )
+
+
+def within(problem: Problem, max_time: float, solver: Multistart | None = None) -> LargestPayload:
+    """The largest payload of all trajectories that take at most ``max_time`` [s]: mass and intervals chosen together.
+
+    Args:
+        problem: with its payload freed, so that ``payload_mass`` is one of its objectives.
+        max_time: [s].
+        solver: of the joint problem.
+    """
+    if not (np.isfinite(max_time) and max_time > 0.0):
+        raise InputError(f"the time allowed is {max_time} s; give a finite time above zero")
+    problem.objective(OBJECTIVE)
+    scalar = EpsilonConstraint(OBJECTIVE, {"time": max_time})
+    solution = (solver or Multistart(starts=2)).solve(problem, scalar).require()
+    assert solution.audit is not None and solution.trajectory is not None
+    if not solution.audit.proved:
+        raise NoSolutionFound(
+            f"{problem.id}: the largest payload within {max_time:g} s was not proved; {solution.audit.explain()}"
+        )
+    payload = solution.objectives[OBJECTIVE]
+    static = static_bound(problem)
+    rows = [row for row in solution.audit.rows if row.verdict == "proved" and row.limit == static.binding.split()[0]]
+    tight = min(rows or solution.audit.rows, key=lambda row: row.margin)
+    return LargestPayload(
+        payload=payload,
+        binding=f"{tight.limit} {tight.label}",
+        instant=tight.instant,
+        kind="within a time",
+        value=tight.attained,
+        bound=tight.bound,
+        unit=tight.unit,
+        argument=f"mass and time law together, in at most {max_time:g} s; no time law carries more than "
+        f"{static.payload:.6g} kg ({static.binding})",
+        trajectory=solution.trajectory,
+        audit=solution.audit,
+        solution=solution,
+    )

@@ -1,0 +1,348 @@
+"""Answers known without the package's solvers: closed forms, and recomputation with NumPy, scipy and pinocchio."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from math import pi, sqrt
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+from scipy.interpolate import BPoly, CubicSpline
+
+from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.nlp import NLP, Row
+from ocp_traj.problem import Objective, PathConstraint, PointConstraint, Problem, Requirements, State, Variable
+
+Array = npt.NDArray[np.float64]
+
+# Gauss and Legendre's rule with 4 nodes on [0, 1]: exact to degree 7.
+GAUSS = tuple((0.5 + 0.5 * float(x), 0.5 * float(w)) for x, w in zip(*np.polynomial.legendre.leggauss(4), strict=True))
+
+
+# --- one joint, rest to rest, by a quintic: q = D (10 u^3 - 15 u^4 + 6 u^5), u = t/T ---
+
+
+@dataclass(frozen=True)
+class Quintic:
+    """One joint moved by D at rest to rest; everything about it has a closed form in T."""
+
+    distance: float = 1.0  # D [rad]
+    velocity: float = 2.0  # [rad/s]
+    acceleration: float = 5.0  # [rad/s^2]
+
+    @property
+    def least_time(self) -> float:
+        """Peak velocity 15/8 D/T at u = 1/2, peak acceleration 10/sqrt(3) D/T^2 at u = (3 -+ sqrt(3))/6."""
+        return max(
+            15.0 / 8.0 * self.distance / self.velocity, sqrt(10.0 / sqrt(3.0) * self.distance / self.acceleration)
+        )
+
+    @property
+    def effort_constant(self) -> float:
+        """int a^2 dt = 120/7 D^2 / T^3."""
+        return 120.0 / 7.0 * self.distance**2
+
+
+def quintic_problem(case: Quintic | None = None, velocity_limit: str = "velocity-limit") -> Problem:
+    """The quintic as a problem of one variable T, with the objectives time, effort and mean speed (to be maximised)."""
+    case = case or Quintic()
+    ends = np.array([0.0] * 3 + [case.distance] * 3)[:, None]
+    limits = (
+        PathConstraint.on_derivative(velocity_limit, 1, -case.velocity, case.velocity, ("rad/s",), ("j",)),
+        PathConstraint.on_derivative(
+            "acceleration-limit", 2, -case.acceleration, case.acceleration, ("rad/s2",), ("j",)
+        ),
+    )
+    return Problem(
+        id="quintic",
+        title="one joint",
+        reference="closed form",
+        case=case,
+        robot=None,
+        variables=(Variable("T", np.array([0.1]), np.array([10.0]), "s", ("T",)),),
+        curve=lambda x: PiecewiseBezier(x[0], (ca.SX(ends),)),
+        objectives=(
+            Objective("time", "s", 2.0, of_variables=lambda x, p: x[0]),
+            Objective("effort", "rad2/s3", 10.0, integrand=lambda s: ca.sumsqr(s.a), quadrature=GAUSS),
+            Objective("speed", "rad/s", 0.5, sense="max", of_variables=lambda x, p: case.distance / x[0]),
+            Objective("both", "-", 1.0, terms={"time": 0.5, "effort": 0.1}),
+        ),
+        default_objective="time",
+        reference_point={"time": 4.0, "effort": 100.0},
+        requirements=Requirements(("j",), ("rad",), limits),
+        guess=lambda rng: rng.uniform(0.3, 8.0, 1),
+        dilate=lambda x, s: np.asarray(x) * s,
+    )
+
+
+# --- several variables ---
+
+
+@dataclass(frozen=True)
+class Septic:
+    """One joint moved by D in T, degree 7, rest to rest: without limits the least int jerk^2 dt is the quintic's."""
+
+    distance: float = 0.7  # [rad]
+    duration: float = 1.3  # [s]
+
+    @property
+    def optimum(self) -> tuple[Array, float]:
+        """The two free control points (the quintic's, twice elevated) and int jerk^2 dt = 720 D^2/T^5."""
+        points = np.array([0.0] * 3 + [1.0] * 3)
+        for n in (5, 6):  # Farin (2002), sect. 6.1
+            share = np.arange(n + 2) / (n + 1)
+            points = share * np.append(0.0, points) + (1 - share) * np.append(points, 0.0)
+        return points[3:5] * self.distance, 720.0 * self.distance**2 / self.duration**5
+
+
+def septic_problem(case: Septic | None = None) -> Problem:
+    """Control points P_3 and P_4 are free; a point constraint may be added by the tests."""
+    case = case or Septic()
+
+    def curve(x: Any) -> PiecewiseBezier:
+        return PiecewiseBezier(np.array([case.duration]), (ca.vertcat(0, 0, 0, x, *[case.distance] * 3),))
+
+    return Problem(
+        id="septic",
+        title="one joint",
+        reference="closed form",
+        case=case,
+        robot=None,
+        variables=(Variable("P", np.full(2, -5.0), np.full(2, 5.0), "rad", ("P3", "P4")),),
+        curve=curve,
+        objectives=(Objective("jerk", "rad2/s5", 10.0, integrand=lambda s: s.jerk**2, quadrature=GAUSS_8),),
+        default_objective="jerk",
+        requirements=Requirements(
+            ("j",), ("rad",), (PathConstraint.on_derivative("position-limit", 0, -5.0, 5.0, ("rad",), ("j",)),)
+        ),
+        guess=lambda rng: rng.uniform(-2.0, 2.0, 2),
+    )
+
+
+# Exact to degree 15: the squared jerk of a septic has degree 8.
+GAUSS_8 = tuple(
+    (0.5 + 0.5 * float(x), 0.5 * float(w)) for x, w in zip(*np.polynomial.legendre.leggauss(8), strict=True)
+)
+
+
+@dataclass(frozen=True)
+class Stairs:
+    """Two quintics one after the other, in T1 and T2, to be traded against each other's effort."""
+
+    first: float = 1.0  # D1 [rad]
+    second: float = 2.0  # D2 [rad]
+
+
+def stairs_problem(case: Stairs | None = None) -> Problem:
+    """Objectives T1 + T2, c D1^2/T1^3 and c D2^2/T2^3: every (T1, T2) is Pareto-optimal."""
+    case = case or Stairs()
+    d1, d2 = case.first, case.second
+    points = [np.array([0.0] * 3 + [d1] * 3)[:, None], np.array([d1] * 3 + [d1 + d2] * 3)[:, None]]
+    constant = 120.0 / 7.0
+    return Problem(
+        id="stairs",
+        title="two moves",
+        reference="closed form",
+        case=case,
+        robot=None,
+        variables=(Variable("T", np.full(2, 0.5), np.full(2, 6.0), "s", ("T1", "T2")),),
+        curve=lambda x: PiecewiseBezier(x, tuple(ca.SX(p) for p in points)),
+        objectives=(
+            Objective("time", "s", 2.0, of_variables=lambda x, p: x[0] + x[1]),
+            Objective("first", "rad2/s3", 5.0, of_variables=lambda x, p: constant * d1**2 / x[0] ** 3),
+            Objective("second", "rad2/s3", 9.0, of_variables=lambda x, p: constant * d2**2 / x[1] ** 3),
+        ),
+        default_objective="time",
+        reference_point={"time": 8.0, "first": 50.0, "second": 60.0},
+        requirements=Requirements(
+            ("j",),
+            ("rad",),
+            (PathConstraint.on_derivative("velocity-limit", 1, -8.0, 8.0, ("rad/s",), ("j",)),),
+            continuity=2,
+        ),  # fmt: skip
+        guess=lambda rng: rng.uniform(0.8, 4.0, 2),
+        dilate=lambda x, s: np.asarray(x) * s,
+    )
+
+
+def via_constraint(u: float, value: float) -> PointConstraint:
+    """The position of a single-segment, single-joint curve at local time u."""
+    return PointConstraint("via", lambda s: s.q, ((0, u),), np.array([value]), np.array([value]), ("rad",), ("j",))
+
+
+# --- nonlinear programs ---
+
+
+def small_nlp(
+    n: int,
+    f: Callable[[Any], Any],
+    rows: Iterable[tuple[str, Callable[[Any], Any], float, float]] = (),
+    lower: float | Array = -np.inf,
+    upper: float | Array = np.inf,
+    scale: float = 1.0,
+) -> NLP:
+    """An NLP of n variables from rows (name, g, lower, upper); ``scale`` is that of all rows."""
+    x = ca.MX.sym("x", n)
+    rows = list(rows)
+    return NLP(
+        name="small",
+        x=x,
+        f=f(x),
+        g=ca.vertcat(*(g(x) for _, g, _, _ in rows)) if rows else ca.MX(0, 1),
+        lower_x=np.broadcast_to(np.asarray(lower, dtype=float), (n,)).copy(),
+        upper_x=np.broadcast_to(np.asarray(upper, dtype=float), (n,)).copy(),
+        lower_g=np.array([low for _, _, low, _ in rows], dtype=float),
+        upper_g=np.array([high for _, _, _, high in rows], dtype=float),
+        rows=tuple(Row(name, "", unit="m", scale=scale) for name, _, _, _ in rows),
+        labels=tuple(f"x{i}" for i in range(n)),
+        units=("m",) * n,
+    )
+
+
+# --- a trajectory, from its file, without the package ---
+
+
+def bpoly_of(data: dict[str, Any]) -> BPoly:
+    """scipy's Bernstein polynomial of a saved trajectory whose segments share one degree."""
+    return BPoly(
+        np.stack([np.array(p) for p in data["control_points"]], axis=1),
+        np.concatenate([[0.0], np.cumsum(data["durations"])]),
+    )
+
+
+# --- the hybrid robot of Guo et al. (2016), with pinocchio alone ---
+
+G = 9.80665  # [m/s^2], below (42)
+L1, L2, L3, L4, L5, L01 = 0.420, 0.050, 0.450, 0.180, 0.180, 0.400  # [m], Table 1
+LP = 0.225 - (0.180 + sqrt(2.0) * 0.080)  # [m], (8)
+# Table 2: velocity [m/s, rad/s], acceleration [m/s^2, rad/s^2], jerk (100 000 mm/s^3 for joints 1-3), force [N, N m].
+VELOCITY = np.array([0.25, 0.25, 0.25, 1.96, 1.96])
+ACCELERATION = np.array([5.0, 5.0, 5.0, 60.0, 60.0])
+JERK = np.array([100.0, 100.0, 100.0, 1200.0, 1200.0])
+FORCE = np.array([500.0, 500.0, 500.0, 17.0, 17.0])
+POSITION = np.array([[0.0, 0.0, 0.0, -pi, -pi], [1.0, 1.0, 0.5, pi, pi]])
+# Table 4: mass [kg]; Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the centre of mass [kg mm^2]; centre of mass [mm].
+LINKS = (
+    (83.025, (5095170.782, 3291706.841, 2367692.766, -61.008, 1019.065, -15.858), (0.0, 0.0, -44.182)),
+    (21.333, (1475990.573, 2366543.574, 911968.216, -3970.014, -748196.633, -8327.223), (-304.563, -1.306, -278.925)),
+    (8.022, (142265.977, 45016.139, 109393.601, -0.114, 0.002, 46002.096), (0.0, -63.686, -468.138)),
+    (9.120, (119573.680, 36160.108, 94076.578, 27.342, -0.849, -18452.465), (0.0, -52.909, -261.241)),
+)
+
+
+def _rotation(axis: str, angle: float) -> pin.SE3:
+    return pin.SE3(pin.utils.rotate(axis, angle), np.zeros(3))
+
+
+def _translation(x: float, y: float, z: float) -> pin.SE3:
+    return pin.SE3(np.eye(3), np.array([x, y, z]))
+
+
+class HybridRobot:
+    """The serial model built joint by joint from Tables 1, 3 and 4, and the actuator map (90), (92) written out.
+
+    Args:
+        payload: point mass at the tool [kg].
+        literal: the payload pulls along the tool's own z axis instead, as the paper's numbers have it (eq. 73).
+    """
+
+    def __init__(self, payload: float = 10.0, *, literal: bool = False) -> None:
+        link = [
+            pin.SE3.Identity(),
+            _translation(L3, 0.0, L01),
+            _rotation("z", -pi / 2) * _translation(0.0, 0.0, L2 + L4 + sqrt(2.0) * L5) * _rotation("x", pi / 4),
+            _rotation("z", pi) * _rotation("x", pi / 4),
+        ]  # frames of Table 3 in their joints' frames
+        self.tool = link[3] * _translation(0.0, 0.0, LP)
+        model = pin.Model()
+        model.gravity.linear = np.array([0.0, 0.0, G])  # Z0 points down
+        joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "d1")
+        for i, (kind, frame) in enumerate(
+            zip((pin.JointModelRZ, pin.JointModelPZ, pin.JointModelRZ, pin.JointModelRZ), link, strict=True)
+        ):
+            joint = model.addJoint(joint, kind(), pin.SE3.Identity() if i < 2 else link[i - 1], f"joint{i}")
+            mass, (xx, yy, zz, xy, xz, yz), centre = LINKS[i]
+            inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) * 1e-6
+            body = pin.Inertia(mass, np.array(centre) * 1e-3, inertia)
+            model.appendBodyToJoint(joint, body, frame)
+        self.pull = pin.Force.Zero()
+        if literal:
+            force = payload * G * self.tool.rotation[:, 2]
+            self.pull = pin.Force(force, np.cross(self.tool.translation, force))
+        else:
+            point = pin.Inertia(payload, np.zeros(3), np.zeros((3, 3)))
+            model.appendBodyToJoint(joint, point, self.tool)
+        self.model, self.data = model, model.createData()
+
+    @staticmethod
+    def serial(q: Array) -> Array:
+        """Serial coordinates d1, alpha, X_S3, phi4, phi5."""
+        return np.array([(q[0] + q[1]) / 2, np.arctan((q[1] - q[0]) / L1), q[2], q[3], q[4]])
+
+    def effort(self, q: Array, v: Array, a: Array) -> Array:
+        """Actuator efforts J^T tau, (110)."""
+        w, dw, ddw = ((x[1] - x[0]) / L1 for x in (q, v, a))
+        slope = 1.0 / (1.0 + w**2)
+        rate = np.array([(v[0] + v[1]) / 2, slope * dw, *v[2:]])
+        rate2 = np.array([(a[0] + a[1]) / 2, slope * ddw - 2.0 * w * (slope * dw) ** 2, *a[2:]])
+        forces = [pin.Force.Zero() for _ in range(5)] + [self.pull]
+        tau = pin.rnea(self.model, self.data, self.serial(q), rate, rate2, forces)
+        jacobian = np.eye(5)
+        jacobian[:2, :2] = [[0.5, 0.5], [-slope / L1, slope / L1]]
+        return np.asarray(jacobian.T @ tau)
+
+    def tool_pose(self, q: Array) -> tuple[Array, Array]:
+        """Rotation and position [m] of the tool frame."""
+        pin.forwardKinematics(self.model, self.data, self.serial(q))
+        pose = self.data.oMi[5] * self.tool
+        return pose.rotation, pose.translation
+
+    def objectives(self, curve: CubicSpline, *, literal: bool = False) -> dict[str, float]:
+        """z1 .. z4 of (113)-(116) with the trapezoid rule over the spline's knots."""
+        t = curve.x
+        q, v, a, jerk = (curve(t, order) for order in range(4))
+        efforts = np.array([self.effort(*state) for state in zip(q, v, a, strict=True)])
+        power = np.abs(efforts * v)
+        energy = power.sum(axis=1) ** 2 if literal else (power**2).sum(axis=1)
+        return {
+            "time": float(t[-1] - t[0]),
+            "energy": float(np.trapezoid(energy, t)),
+            "jerk": float((np.diff(t)[:, None] * jerk[:-1] ** 2).sum()),
+            "acceleration": float(np.trapezoid((a**2).sum(axis=1), t)),
+        }
+
+    def worst_excess(self, data: dict[str, Any], samples: int = 20_000) -> float:
+        """Largest relative excess over Table 2 (and the yaw range below (7)) of a saved trajectory; < 0 where all is met."""
+        curve = bpoly_of(data)
+        t = np.linspace(0.0, curve.x[-1], samples)
+        q, v, a, jerk = (curve.derivative(order)(t) if order else curve(t) for order in range(4))
+        efforts = np.array([self.effort(*state) for state in zip(q, v, a, strict=True)])
+        shares = [v / VELOCITY, a / ACCELERATION, jerk / JERK, efforts / FORCE, (q[:, 1] - q[:, 0])[:, None] / L1]
+        half = (POSITION[1] - POSITION[0]) / 2
+        position = np.maximum(q - POSITION[1], POSITION[0] - q) / half
+        return float(max(position.max(), *(np.abs(share).max() - 1.0 for share in shares)))
+
+
+def clamped_spline(via_points: Array, h: Array) -> CubicSpline:
+    """scipy's clamped spline through via points and two free knots, these such that the end accelerations vanish.
+
+    The spline is linear in its knots' positions, so the two free ones solve two equations.
+    """
+    t = np.concatenate([[0.0], np.cumsum(h)])
+    free = [1, len(t) - 2]
+    fixed = [i for i in range(len(t)) if i not in free]
+    knots = np.zeros((len(t), via_points.shape[1]))
+    knots[fixed] = via_points
+    units = np.eye(len(t))[:, free]
+    response = CubicSpline(t, units, bc_type="clamped")(t[[0, -1]], 2)
+    plain = CubicSpline(t, knots, bc_type="clamped")(t[[0, -1]], 2)
+    knots[free] = -np.linalg.solve(response, plain)
+    return CubicSpline(t, knots, bc_type="clamped")
+
+
+def numeric_state(curve: BPoly, t: float, u: float, p: Array, c: Array) -> State:
+    """A state of a curve as numbers, for an expression to be evaluated on directly."""
+    derivatives = [ca.DM(curve.derivative(order)(t) if order else curve(t)) for order in range(5)]
+    return State(*derivatives, ca.DM(u), ca.DM(p), ca.DM(c))

@@ -1,0 +1,118 @@
+"""The papers' curves: scipy's CubicSpline is the reference for the spline with free end knots."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.interpolate import CubicSpline
+
+from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.curves import cubic_spline_free_ends
+from ocp_traj.errors import ProblemDefinitionError
+from tests.closed_form import clamped_spline
+
+EPS = np.finfo(float).eps
+COUNTS = [3, 4, 5, 8, 11, 16]  # of via points
+
+
+def random_spline(seed: int, count: int, dof: int = 3) -> tuple[np.ndarray, np.ndarray, PiecewiseBezier]:
+    rng = np.random.default_rng([seed, count])
+    points, h = rng.normal(size=(count, dof)), rng.uniform(0.2, 1.5, count + 1)
+    return points, h, cubic_spline_free_ends(points, h)
+
+
+def knots_of(curve: PiecewiseBezier) -> np.ndarray:
+    return np.array([*(p[0] for p in curve.control_points), curve.control_points[-1][-1]])
+
+
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("seed", range(3))
+def test_spline_equals_scipys_clamped_spline_through_its_own_knots(seed: int, count: int) -> None:
+    _, _, curve = random_spline(seed, count)
+    reference = CubicSpline(curve.knots, knots_of(curve), bc_type="clamped")
+    t = np.linspace(0.0, curve.duration, 500)
+    for order in range(4):
+        expected = reference(t, order)
+        if order == 3:  # piecewise constant: compare inside the segments only
+            t = (curve.knots[:-1] + curve.knots[1:]) / 2
+            expected = reference(t, order)
+        assert_allclose(curve(t, order), expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_free_knots_are_those_that_null_the_end_accelerations_of_a_clamped_spline(count: int) -> None:
+    points, h, curve = random_spline(7, count)
+    reference = clamped_spline(points, h)
+    assert_allclose(knots_of(curve), reference(reference.x), atol=1e-11)
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_spline_passes_its_via_points_and_rests_exactly_at_both_ends(count: int) -> None:
+    points, _, curve = random_spline(1, count)
+    knots = knots_of(curve)
+    assert_array_equal(knots[[0, *range(2, count), count + 1]], points)
+    for order in (1, 2):
+        assert_array_equal(curve.at(0, 0.0, order), np.zeros((1, 3)))
+        assert_array_equal(curve.at(count, 1.0, order), np.zeros((1, 3)))
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_free_knots_are_where_the_paper_puts_them(count: int) -> None:
+    """q_2 = q_1 + h_1^2 a_2 / 6 and q_{m-1} = q_m + h_{m-1}^2 a_{m-1} / 6; Guo et al. (2016), sect. 3.2."""
+    points, h, curve = random_spline(2, count)
+    knots = knots_of(curve)
+    second, last = curve.at(1, 0.0, 2)[0], curve.at(count - 1, 1.0, 2)[0]
+    assert_allclose(knots[1], points[0] + h[0] ** 2 * second / 6.0, atol=1e-12)
+    assert_allclose(knots[-2], points[-1] + h[-1] ** 2 * last / 6.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_symbolic_spline_equals_the_numeric_one(count: int) -> None:
+    points, h, curve = random_spline(3, count)
+    x = ca.SX.sym("h", count + 1)
+    symbolic = cubic_spline_free_ends(points, x)
+    function = ca.Function("f", [x], [symbolic.durations, *symbolic.control_points])
+    durations, *found = (np.array(part) for part in function(h))
+    assert_array_equal(durations.ravel(), h)
+    for ours, theirs in zip(found, curve.control_points, strict=True):
+        assert_allclose(ours, theirs, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("ratio", [1e2, 1e4, 1e6])
+@pytest.mark.parametrize("seed", range(5))
+def test_spline_stays_sound_with_extreme_ratios_of_intervals(seed: int, ratio: float) -> None:
+    """Elimination without row exchange needs positive pivots; the knot accelerations solve the spline equations."""
+    rng = np.random.default_rng(seed)
+    points, h = rng.normal(size=(9, 2)), ratio ** rng.uniform(0.0, 1.0, 10)
+    curve = cubic_spline_free_ends(points, h)
+    for order in (1, 2):
+        # Rounding of P is divided by T^m on either side of a knot.
+        shortest = np.minimum(curve.durations[:-1], curve.durations[1:])[:, None]
+        size = np.abs(points).max() + np.abs(knots_of(curve)).max()
+        assert (np.abs(curve.jump(order)) <= 1e3 * EPS * size / shortest**order).all()
+    assert np.abs(curve.jump(0)).max() == 0.0
+
+
+def test_reversed_via_points_and_intervals_give_the_reversed_spline() -> None:
+    points, h, curve = random_spline(4, 8)
+    backwards = cubic_spline_free_ends(points[::-1], h[::-1])
+    t = np.linspace(0.0, curve.duration, 100)
+    assert_allclose(backwards(curve.duration - t), curve(t), atol=1e-12)
+    assert_allclose(backwards(curve.duration - t, 1), -curve(t, 1), atol=1e-11)
+
+
+def test_dilated_intervals_keep_the_control_points() -> None:
+    points, h, curve = random_spline(5, 6)
+    slow = cubic_spline_free_ends(points, 3.0 * h)
+    for ours, theirs in zip(slow.control_points, curve.control_points, strict=True):
+        assert_allclose(ours, theirs, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("count", "intervals", "message"),
+    [(2, 3, "got 2 and 3"), (5, 5, "got 5 and 6"), (5, 7, "got 5 and 6")],
+)
+def test_a_wrong_number_of_intervals_is_refused(count: int, intervals: int, message: str) -> None:
+    for h in (np.ones(intervals), ca.SX.sym("h", intervals)):
+        with pytest.raises(ProblemDefinitionError, match="at least 3 via points and one interval more"):
+            cubic_spline_free_ends(np.zeros((count, 2)), h)

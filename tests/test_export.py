@@ -1,0 +1,223 @@
+import json
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from pytest import approx
+
+from ocp_traj import export as export_module
+from ocp_traj import problems
+from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.errors import FileFormatError, InputError
+from ocp_traj.export import export
+from ocp_traj.front import Front
+from ocp_traj.store import save_run
+from ocp_traj.trajectory import Trajectory
+
+needs_pyarrow = pytest.mark.skipif(find_spec("pyarrow") is None, reason="needs ocp-traj[parquet]")
+
+
+@pytest.fixture(scope="module")
+def front() -> Front:
+    problem = problems.load("hybrid-spline", payload=8.0)
+    h = np.array(problems.module("hybrid-spline").TABLE_7)
+    xs = [factor * h for factor in (1.0, 1.3, 1.6)]
+    return Front.of(problem, ["time", "energy"], xs, method="dilated", seed=4, seconds=2.5)
+
+
+@pytest.fixture(scope="module")
+def run(front: Front, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return save_run(front, tmp_path_factory.mktemp("runs") / "first")
+
+
+@pytest.fixture
+def homeless(tmp_path: Path) -> Path:
+    """A trajectory of no problem: from 0 to 1e-5 in 2.5 s at constant speed 4e-6, and a joint whose name needs quotes."""
+    points = np.array([[0.0, 1.0], [1e-5, 1.0]])
+    return Trajectory(PiecewiseBezier(np.array([2.5]), (points,)), ("a: b", "yes")).save(tmp_path / "homeless.json")
+
+
+LAST_BITS = 1e-14  # relative: what pandas' own reading of a number's text may lose
+
+
+# --- fronts ---
+
+
+@pytest.mark.parametrize("source", [".", "front.csv"])
+def test_a_front_in_csv_is_its_table(front: Front, run: Path, tmp_path: Path, source: str) -> None:
+    table = pd.read_csv(export(run / source, "csv", tmp_path / "out.csv"))
+    pd.testing.assert_frame_equal(table.set_index("point"), front.table, check_dtype=False, rtol=LAST_BITS, atol=0.0)
+
+
+@needs_pyarrow
+def test_a_front_in_parquet_is_its_table(front: Front, run: Path, tmp_path: Path) -> None:
+    table = pd.read_parquet(export(run, "parquet", tmp_path / "out.parquet"))
+    pd.testing.assert_frame_equal(table.set_index("point"), front.table, check_dtype=False, rtol=0.0, atol=0.0)
+
+
+@pytest.mark.parametrize("source", [".", "front.csv"])
+def test_a_front_in_json_has_a_record_a_point_and_what_made_it(
+    front: Front, run: Path, tmp_path: Path, source: str
+) -> None:
+    data = json.loads(export(run / source, "json", tmp_path / "out.json").read_text())
+    assert (data["format"], data["kind"]) == ("ocp-traj/table/1", "front")
+    assert data["metadata"]["case"] == {"payload": 8.0} and data["metadata"]["method"] == "dilated"
+    assert [row["energy [N2 m2/s]"] for row in data["rows"]] == front.table["energy [N2 m2/s]"].tolist()
+    assert [row["point"] for row in data["rows"]] == [0, 1, 2]
+    assert {row["verdict"] for row in data["rows"]} == {"proved"}
+
+
+def test_a_table_without_a_run_has_no_metadata(run: Path, tmp_path: Path) -> None:
+    (tmp_path / "front.csv").write_bytes((run / "front.csv").read_bytes())
+    data = json.loads(export(tmp_path / "front.csv", "json", tmp_path / "out.json").read_text())
+    assert data["metadata"] == {} and len(data["rows"]) == 3
+
+
+# --- trajectories ---
+
+
+def test_a_trajectory_in_csv_has_units_and_the_samples(front: Front, run: Path, tmp_path: Path) -> None:
+    table = pd.read_csv(export(run / "trajectories" / "001.json", "csv", tmp_path / "out.csv", samples=31))
+    assert list(table.columns[:3]) == ["time [s]", "X_S1 q [m]", "X_S2 q [m]"]
+    assert {"phi_5 q [rad]", "X_S1 v [m/s]", "phi_4 jerk [rad/s3]", "X_S3 snap [m/s4]"} <= set(table.columns)
+    curve, times = front.trajectory(1).curve, np.linspace(0.0, 1.3 * 6.19, 31)
+    assert table["time [s]"].to_numpy() == approx(times)
+    assert table["X_S2 q [m]"].to_numpy() == approx(curve(times)[:, 1], rel=1e-12)
+    assert table["phi_4 a [rad/s2]"].to_numpy() == approx(curve(times, 2)[:, 3], rel=1e-9, abs=1e-12)
+
+
+@needs_pyarrow
+def test_a_trajectory_in_parquet_equals_the_csv(run: Path, tmp_path: Path) -> None:
+    source = run / "trajectories" / "000.json"
+    whole = pd.read_parquet(export(source, "parquet", tmp_path / "out.parquet"))
+    assert len(whole) == 200
+    pd.testing.assert_frame_equal(
+        whole, pd.read_csv(export(source, "csv", tmp_path / "out.csv")), rtol=LAST_BITS, atol=0.0
+    )
+
+
+def test_a_trajectory_in_json_has_a_record_a_time_and_where_it_is_from(run: Path, tmp_path: Path) -> None:
+    data = json.loads(export(run / "trajectories" / "000.json", "json", tmp_path / "o.json", samples=3).read_text())
+    assert (data["format"], data["kind"]) == ("ocp-traj/table/1", "trajectory")
+    assert data["metadata"] == {"problem": "hybrid-spline", "case": {"payload": 8.0}, "parameters": {"payload": 8.0}}
+    assert [row["time [s]"] for row in data["rows"]] == approx([0.0, 3.095, 6.19])
+
+
+@pytest.mark.parametrize("problem", ["", "nowhere"])
+def test_a_trajectory_of_no_known_problem_has_no_units(homeless: Path, tmp_path: Path, problem: str) -> None:
+    homeless.write_text(json.dumps({**json.loads(homeless.read_text()), "problem": problem}))
+    table = pd.read_csv(export(homeless, "csv", tmp_path / "out.csv", samples=2))
+    assert list(table.columns[:4]) == ["time [s]", "a: b q", "yes q", "a: b v"]
+    assert table["a: b v"].tolist() == approx([4e-6, 4e-6])
+
+
+# --- ROS ---
+
+
+def test_a_ros_message_has_the_fields_of_joint_trajectory(front: Front, run: Path, tmp_path: Path) -> None:
+    data = json.loads(export(run / "trajectories" / "000.json", "ros", tmp_path / "t.json", samples=12).read_text())
+    curve = front.trajectory(0).curve
+    assert set(data) == {"joint_names", "points"}
+    assert data["joint_names"] == ["X_S1", "X_S2", "X_S3", "phi_4", "phi_5"]
+    assert len(data["points"]) == 12
+    previous = -1
+    for point in data["points"]:
+        assert set(point) == {"positions", "velocities", "accelerations", "time_from_start"}
+        stamp = point["time_from_start"]
+        assert isinstance(stamp["sec"], int) and 0 <= stamp["nanosec"] < 10**9
+        total = stamp["sec"] * 10**9 + stamp["nanosec"]
+        assert total > previous
+        previous = total
+        time = min(total * 1e-9, curve.duration)
+        for order, name in enumerate(("positions", "velocities", "accelerations")):
+            # Times are rounded to 0.5 ns, during which q, v, a change by at most that times v, a, jerk, all below 10.
+            assert point[name] == approx(curve(time, order)[0].tolist(), abs=5e-9)
+    assert data["points"][0]["time_from_start"] == {"sec": 0, "nanosec": 0}
+    assert data["points"][-1]["time_from_start"] == {"sec": 6, "nanosec": 190_000_000}
+    assert data["points"][-1]["velocities"] == approx([0.0] * 5, abs=1e-9)
+
+
+def test_ros_yaml_is_written_so_that_yaml_1_1_reads_numbers(homeless: Path, tmp_path: Path) -> None:
+    # YAML 1.1 takes 1e-05 for a text, and yes for true.
+    text = export(homeless, "ros", tmp_path / "t.yaml", samples=2).read_text()
+    assert text.splitlines() == [
+        'joint_names: ["a: b", "yes"]',
+        "points:",
+        "- positions: [0.0, 1.0]",
+        "  velocities: [4.000000000000001e-06, 0.0]",
+        "  accelerations: [0.0, 0.0]",
+        "  time_from_start: {sec: 0, nanosec: 0}",
+        "- positions: [1.0e-05, 1.0]",
+        "  velocities: [4.000000000000001e-06, 0.0]",
+        "  accelerations: [0.0, 0.0]",
+        "  time_from_start: {sec: 2, nanosec: 500000000}",
+    ]
+
+
+def test_ros_yaml_and_json_say_the_same(run: Path, tmp_path: Path) -> None:
+    yaml = pytest.importorskip("yaml")
+    source = run / "trajectories" / "000.json"
+    as_yaml = yaml.safe_load(export(source, "ros", tmp_path / "t.yaml").read_text())
+    assert as_yaml == json.loads(export(source, "ros", tmp_path / "t.json").read_text())
+
+
+def test_ros_is_for_one_trajectory(run: Path, tmp_path: Path) -> None:
+    for source in (run, run / "front.csv"):
+        with pytest.raises(InputError, match="is a front; ros is for one trajectory"):
+            export(source, "ros", tmp_path / "t.yaml")
+    with pytest.raises(InputError, match=r"written as .yaml, .yml, .json; 't.txt' ends otherwise"):
+        export(run / "trajectories" / "000.json", "ros", tmp_path / "t.txt")
+    assert list(tmp_path.iterdir()) == []
+
+
+# --- what goes wrong ---
+
+
+def test_unknown_formats_and_too_few_samples_are_refused(homeless: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no export format 'xlsx'; formats are csv, parquet, json, ros"):
+        export(homeless, "xlsx", tmp_path / "out.xlsx")
+    with pytest.raises(InputError, match="sampled at 1 times; give 2 or more"):
+        export(homeless, "csv", tmp_path / "out.csv", samples=1)
+
+
+def test_parquet_without_pyarrow_names_the_extra(
+    homeless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(export_module, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"pip install 'ocp-traj\[parquet\]'"):
+        export(homeless, "parquet", tmp_path / "out.parquet")
+    assert not (tmp_path / "out.parquet").exists()
+
+
+@pytest.mark.parametrize(("format", "suffix"), [("csv", "csv"), ("json", "json"), ("ros", "yaml")])
+def test_an_output_that_cannot_be_written_is_named(homeless: Path, tmp_path: Path, format: str, suffix: str) -> None:
+    with pytest.raises(FileFormatError, match="cannot write .*none.*choose a folder that exists"):
+        export(homeless, format, tmp_path / "none" / f"out.{suffix}")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("none.json", None, "cannot read the trajectory file"),
+        ("none.csv", None, "cannot read the front file"),
+        ("a.json", "{", "not JSON"),
+        ("a.json", '{"format": "ocp-traj/run/1"}', "not a trajectory: its format is 'ocp-traj/run/1'"),
+        ("a.csv", "x,y\n1,2\n", "no columns point, margin and verdict"),
+    ],
+)
+def test_a_source_that_is_neither_front_nor_trajectory_is_refused(
+    tmp_path: Path, name: str, content: Any, message: str
+) -> None:
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    with pytest.raises(FileFormatError, match=message):
+        export(tmp_path / name, "csv", tmp_path / "out.csv")
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileFormatError, match="cannot read the front file .*front.csv"):
+        export(tmp_path, "csv", tmp_path / "out.csv")
