@@ -1,7 +1,9 @@
 """Robot trajectory optimisation whose every trajectory is optimal and provably legal."""
 
 import os
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 # Threads change the order in which BLAS sums, and with it the last bits of a result: one thread makes a run repeatable
 # bit by bit. OpenBLAS reads this when it is loaded, so it stands before every import of NumPy, SciPy and CasADi (where
@@ -16,4 +18,31 @@ if (_checkout / "pyproject.toml").is_file() and (_checkout / "problems" / "__ini
 
 __version__ = "0.1.0"
 
-# --- public names, imported on first use ---
+# Public names, imported on first use: `import ocp_traj` stays quick, and costs no solver.
+_PUBLIC = {
+    "problems": "ocp_traj.problems",
+    "solvers": "ocp_traj.solvers",
+    "solve": "ocp_traj.api:solve",
+    "pareto": "ocp_traj.api:pareto",
+    "payload": "ocp_traj.api:payload",
+    "Trajectory": "ocp_traj.trajectory:Trajectory",
+    "Front": "ocp_traj.front:Front",
+    "Robot": "ocp_traj.robot:Robot",
+    "Limits": "ocp_traj.robot:Limits",
+    "Problem": "ocp_traj.problem:Problem",
+    "Requirements": "ocp_traj.problem:Requirements",
+    "load_run": "ocp_traj.store:load_run",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Imports a public name."""
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'ocp_traj' has no attribute {name!r}; public names are {', '.join(_PUBLIC)}")
+    module, _, attribute = _PUBLIC[name].partition(":")
+    found = import_module(module)
+    return getattr(found, attribute) if attribute else found
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_PUBLIC])

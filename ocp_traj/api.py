@@ -91,6 +91,7 @@ def pareto(
     method: str = "trace",
     points: int = 40,
     seed: int = 0,
+    budget: float | None = None,
     keep_unproved: bool = False,
     progress: Progress = silent,
     **options: Any,
@@ -103,6 +104,7 @@ def pareto(
         method: ``trace`` or ``nsga2``.
         points: how many the tracer looks for.
         seed: of everything random.
+        budget: stop after this time [s] with what is there.
         keep_unproved: whether points stay that are not proved, even slowed down.
         progress: told how far it is.
         options: fields of the method's class, such as ``population``.
@@ -114,6 +116,10 @@ def pareto(
         raise InputError(f"a front trades two or more different objectives; got {', '.join(objectives) or 'none'}")
     for name in objectives:
         problem.objective(name)
+    if budget is not None:
+        if not budget > 0.0:
+            raise InputError(f"the budget is {budget} s; give a time above zero")
+        options["max_seconds"] = budget
     chosen = front_method(method, points=points, seed=seed, progress=progress, **options)
     conflicts = fixed_conflicts(problem)
     if conflicts:

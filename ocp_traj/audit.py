@@ -2,8 +2,9 @@
 
 Limits on a derivative of the joints are bounded by hulls of control points, which are exact enclosures; every other
 limit by the parabola test of ``ocp_traj.enclosure`` over boxes of states, with the second derivative enclosed by the
-interval tape. Arcs are cut where their bound peaks until each is decided and the peak is known to a stated tightness.
-Continuity, rest and via points are checked to a tolerance. What is proved is the tape, with its constants as rounded.
+interval tape, and only where every operation of the limit is proved to be defined. Arcs are cut where their bound
+peaks until each is decided and the peak is known to a stated tightness. Continuity, rest and via points are checked to
+a tolerance. What is proved is the tape, with its constants as rounded.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.enclosure import MAX_SPLITS, Arcs, Pair, parabola_bound, peak_fraction
+from ocp_traj.enclosure import MAX_SPLITS, Arcs, Pair, interleave, parabola_bound, peak_fraction
 from ocp_traj.errors import InputError, ProblemDefinitionError
 from ocp_traj.evaluate import limit_on
 from ocp_traj.problem import ORDERS, PathConstraint, PointConstraint, Requirements
@@ -29,7 +30,9 @@ Array = NDArray[np.float64]
 
 ALLOWANCE = 1e-12  # of a limit's scale: a value resting exactly on its limit could never be decided
 TIGHTNESS = 1e-3  # of a limit's scale: how closely a peak is enclosed once its verdict is known
-MAX_ARCS = 200_000  # a limit, over all trajectories audited together
+RESOLUTION = 1e-12  # of a limit's scale or value: bounds this close to the largest value's own are not refined
+MAX_ARCS = 50_000  # a limit and trajectory
+BATCH = 4096  # arcs enclosed in one pass: wide enough to amortise a step of the tape, and a bound on memory
 
 PROVED, CHECKED, UNDECIDED, VIOLATED = "proved", "checked", "undecided", "violated"
 _SEVERITY = {PROVED: 0, CHECKED: 0, UNDECIDED: 1, VIOLATED: 2}
@@ -42,7 +45,7 @@ class AuditRow:
     Attributes:
         limit, label, unit: which.
         bound: what is allowed [unit].
-        attained: the most extreme value found [unit].
+        attained: the most extreme value found [unit]; NaN where none could be found.
         instant: when [s].
         proved_bound: the value is proved to stay within this [unit]; for point constraints the attained value.
         margin: distance of ``proved_bound`` to ``bound`` as a fraction of the limit's scale; > 0 when satisfied.
@@ -129,7 +132,7 @@ def audit_all(
         requirements: limits, point constraints and promised continuity.
         allowance: what a limit may be exceeded by, in units of its scale, and still count as met.
         tightness: how closely peaks are enclosed, in units of the limit's scale.
-        max_arcs: stop refining one limit after so many arcs; what is not decided by then is ``undecided``.
+        max_arcs: stop refining a limit of a trajectory after so many arcs; what is not decided then is ``undecided``.
 
     Returns:
         One audit a trajectory.
@@ -137,6 +140,11 @@ def audit_all(
     for trajectory in trajectories:
         if trajectory.curve.dof != requirements.dof:
             raise InputError(f"the trajectory has {trajectory.curve.dof} joints, the limits are for {requirements.dof}")
+        if set(trajectory.joints) == set(requirements.joints) and trajectory.joints != requirements.joints:
+            raise InputError(
+                f"the trajectory has its joints in the order {list(trajectory.joints)}, the limits in the order "
+                f"{list(requirements.joints)}; reorder its columns"
+            )
         missing = [name for name in requirements.parameters if name not in trajectory.parameters]
         if missing:
             raise InputError(
@@ -172,22 +180,73 @@ def curvature_function(requirements: Requirements, limit: PathConstraint) -> Any
     return casadi.Function("curvature", [x, u, p, c, rate], [casadi.densify(second)])
 
 
+def domain_function(function: Any) -> Any:
+    """What has to be positive for every operation of a compiled limit to be defined and smooth.
+
+    Intervals forgive an operation that is undefined on a part of a box, and any at all that is multiplied by zero.
+
+    Returns:
+        casadi SX Function of the same arguments -> ``(conditions,)``, often none.
+    """
+    arguments = [casadi.SX.sym("z", function.sparsity_in(i)) for i in range(function.n_in())]
+    nonzeros = [argument.nonzeros() for argument in arguments]
+    register: dict[int, Any] = {}
+    conditions: list[Any] = []
+    for k in range(function.n_instructions()):
+        operation, written = function.instruction_id(k), function.instruction_output(k)
+        read = function.instruction_input(k)
+        if operation == casadi.OP_INPUT:
+            register[written[0]] = nonzeros[read[0]][read[1]]
+        elif operation == casadi.OP_CONST:
+            register[written[0]] = casadi.SX(function.instruction_constant(k))
+        elif operation != casadi.OP_OUTPUT:
+            operands = [register[i] for i in read]
+            conditions.extend(_conditions(operation, *operands))
+            apply = casadi.SX.unary if len(operands) == 1 else casadi.SX.binary
+            register[written[0]] = apply(operation, *operands)
+    return casadi.Function("domain", arguments, [casadi.densify(casadi.vertcat(casadi.SX(0, 1), *conditions))])
+
+
+def _conditions(operation: int, x: Any, y: Any = None) -> tuple[Any, ...]:
+    """Expressions that are positive where an operation is defined and smooth."""
+    if operation in (casadi.OP_SQRT, casadi.OP_LOG):
+        return (x,)
+    if operation in (casadi.OP_ASIN, casadi.OP_ACOS, casadi.OP_ATANH):
+        return (1 - x, 1 + x)
+    if operation == casadi.OP_ACOSH:
+        return (x - 1,)
+    if operation == casadi.OP_LOG1P:
+        return (x + 1,)
+    if operation == casadi.OP_TAN:
+        return (casadi.cos(x) ** 2,)
+    if operation in (casadi.OP_DIV, casadi.OP_INV):
+        divisor = x if y is None else y
+        return () if divisor.is_constant() and float(divisor) != 0.0 else (divisor**2,)
+    if operation in (casadi.OP_POW, casadi.OP_CONSTPOW):
+        if not y.is_constant() or float(y) % 1.0 != 0.0:
+            return (x,)
+        return (x**2,) if float(y) < 0.0 else ()
+    return ()
+
+
 class _Prover:
-    """Encloses one limit over all segments of all trajectories."""
+    """Encloses one limit over all segments of all trajectories.
+
+    Values and bounds are kept for both sides, as "value <= bound": side 0 is g <= upper, side 1 is -g <= -lower.
+    """
 
     def __init__(
         self, trajectories: Sequence[Trajectory], requirements: Requirements, limit: PathConstraint,
         allowance: float, tightness: float, max_arcs: int,
     ) -> None:  # fmt: skip
-        self.limit, self.requirements = limit, requirements
-        self.trajectories, self.max_arcs = trajectories, max_arcs
+        self.limit, self.trajectories, self.max_arcs = limit, trajectories, max_arcs
         self.allowance, self.tightness = allowance, tightness
         count, rows = len(trajectories), len(limit.labels)
-        # Both sides as "value <= bound": side 0 is g <= upper, side 1 is -g <= -lower.
-        self.bound = np.stack([limit.upper, -limit.lower])
+        self.bound, self.scale = np.stack([limit.upper, -limit.lower]), limit.scale
         self.attained = np.full((2, rows, count), -np.inf)  # lower bound of the largest value
-        self.found = np.full((2, rows, count), -np.inf)  # the same as computed in floats, for show
-        self.instant = np.zeros((2, rows, count))
+        self.found = np.full((2, rows, count), np.nan)  # that value as computed in floats, for show
+        self.place = np.zeros((2, 2, rows, count))  # its segment and local time
+        self.floor = np.full((2, rows, count), -np.inf)  # no bound can be below: the largest value's own upper bound
         self.proved = np.full((2, rows, count), -np.inf)  # upper bound over all arcs that are closed
         self.boxes = np.zeros(count, dtype=int)
         self.parameters = np.array([[t.parameters[name] for name in requirements.parameters] for t in trajectories]).T
@@ -199,13 +258,21 @@ class _Prover:
             )
         if limit.order is None:
             compiled = requirements.compiled(limit, "proof", lambda: self._compile(requirements, limit))
-            self.value, self.curvature = compiled
+            self.order, self.value, self.curvature = compiled
+        else:
+            requirements.compiled(limit, "order", lambda: _require_derivative(requirements, limit))
 
     @staticmethod
-    def _compile(requirements: Requirements, limit: PathConstraint) -> tuple[Tape, Tape]:
-        value = Tape(requirements.function(limit))
+    def _compile(requirements: Requirements, limit: PathConstraint) -> tuple[int, Tape, Tape]:
+        """The highest derivative the limit depends on; tapes of its value and its curvature, each with its domain."""
+        function, curvature = requirements.function(limit), curvature_function(requirements, limit)
+        domain = domain_function(function)
+        x, u, p, c, rate = (casadi.SX.sym(name, curvature.sparsity_in(i)) for i, name in enumerate("xupcr"))
+        state = (x[: function.numel_in(0)], u, p, c)
+        value = Tape(casadi.Function(limit.id, state, [function(*state), domain(*state)]))
         value.require_smooth(f"limit {limit.id!r}")
-        return value, Tape(curvature_function(requirements, limit))
+        both = casadi.cse([curvature(x, u, p, c, rate), domain(*state)])
+        return max(requirements.order(limit), 0), value, Tape(casadi.Function("curvature", [x, u, p, c, rate], both))
 
     def run(self) -> list[list[AuditRow]]:
         for degree in sorted({n for t in self.trajectories for n in t.curve.degrees}):
@@ -220,86 +287,103 @@ class _Prover:
             if n == degree
         ]
         owner, segment, points, duration = zip(*members, strict=True)
-        orders = self.limit.order if self.limit.order is not None else len(ORDERS) + 1
+        orders = self.limit.order if self.limit.order is not None else self.order + 2
         return Arcs.of_segments(np.array(owner), np.array(segment), np.array(points), np.array(duration), orders)
 
     def _prove(self, arcs: Arcs) -> None:
-        total = len(arcs)
-        for _ in range(MAX_SPLITS):
-            start, end, bound, cut = self._enclose(arcs)
-            self._attain(arcs, start, 0)
-            self._attain(arcs, end, -1)
+        start, end = self._values(arcs, 0), self._values(arcs, -1)
+        self._attain(arcs, 0, start)
+        self._attain(arcs, -1, end)
+        pending = [(arcs, start, end, np.full_like(start[1], np.inf), 0)]
+        while pending:
+            arcs, start, end, known, depth = pending.pop()
+            if len(arcs) > BATCH:
+                for part in (slice(BATCH, None), slice(None, BATCH)):
+                    pending.append((arcs.take(part), _take(start, part), _take(end, part), known[..., part], depth))
+                continue
+            bound, cut = self._enclose(arcs, start, end)
+            bound = np.minimum(np.where(np.isnan(bound), np.inf, bound), known)
             self.boxes += np.bincount(arcs.owner, minlength=len(self.boxes))
             still_open = self._open(arcs, bound)
-            keep = still_open.any(axis=(0, 1))
-            total += int(keep.sum())
-            if total > self.max_arcs:
-                keep[:] = False
-            self._close(arcs.owner[~keep], bound[:, :, ~keep])
+            keep = still_open.any(axis=(0, 1)) & (self.boxes[arcs.owner] < self.max_arcs) & (depth < MAX_SPLITS)
+            self._close(arcs.owner[~keep], bound[..., ~keep])
             if not keep.any():
-                return
-            arcs = arcs.take(keep).split(self._cut(bound, cut, still_open, keep))
-        self._close(arcs.owner, self._enclose(arcs)[2])
+                continue
+            left, right = arcs.take(keep).split(self._cut(bound, cut, still_open, keep))
+            middle = self._values(left, -1)
+            self._attain(left, -1, middle)
+            known = bound[..., keep]
+            start, end = _alternate(_take(start, keep), middle), _alternate(middle, _take(end, keep))
+            pending.append(
+                (left.interleave(right), start, end, _alternate((known, known), (known, known))[0], depth + 1)
+            )
 
     def _open(self, arcs: Arcs, bound: Array) -> NDArray[np.bool_]:
-        """Which sides, rows and arcs need refining: not decided, or not tight."""
-        scale = self.limit.scale[None, :, None]
+        """Which sides, rows and arcs need refining, and can gain by it: not decided, or not tight."""
+        scale = self.scale[:, None]
         allowed = self.bound[:, :, None] + self.allowance * scale
-        attained = self.attained[:, :, arcs.owner]
-        undecided = ~(bound <= allowed) & ~(attained > allowed)
-        loose = ~(bound <= attained + self.tightness * scale)
-        finite = np.isfinite(self.bound)[:, :, None]
-        return np.asarray((undecided | loose) & finite)
+        attained, floor = self.attained[..., arcs.owner], self.floor[..., arcs.owner]
+        least = floor + RESOLUTION * np.maximum(scale, np.abs(floor))
+        undecided = ~(bound <= np.where(floor > allowed, least, allowed)) & ~(attained > allowed)
+        loose = ~(bound <= np.maximum(attained + self.tightness * scale, least))
+        return np.asarray((undecided | loose) & np.isfinite(self.bound)[:, :, None])
 
     @staticmethod
     def _cut(bound: Array, cut: Array, still_open: NDArray[np.bool_], keep: NDArray[np.bool_]) -> Array:
         """Where to cut each kept arc: at the parabola's peak of the open row that reaches highest above the rest."""
         excess = np.where(still_open, bound, -np.inf)[:, :, keep]
-        flat = excess.reshape(-1, excess.shape[-1])
-        choice = np.argmax(np.where(np.isnan(flat), np.inf, flat), axis=0)
-        return np.asarray(cut[:, :, keep].reshape(flat.shape)[choice, np.arange(flat.shape[1])])
+        choice = np.argmax(excess.reshape(-1, excess.shape[-1]), axis=0)
+        return np.asarray(cut[:, :, keep].reshape(-1, excess.shape[-1])[choice, np.arange(excess.shape[-1])])
 
     def _close(self, owner: NDArray[np.intp], bound: Array) -> None:
-        for side in range(2):
-            for row in range(bound.shape[1]):
-                np.maximum.at(self.proved[side, row], owner, bound[side, row])
+        if len(owner):
+            owners, first = np.unique(owner, return_index=True)
+            self.proved[..., owners] = np.maximum(self.proved[..., owners], np.maximum.reduceat(bound, first, axis=-1))
 
-    def _attain(self, arcs: Arcs, value: Pair, which: int) -> None:
-        """Records the largest values at one end of the arcs, with their instants."""
-        u = arcs.a if which == 0 else arcs.b
-        for side, (lower, middle) in enumerate(
-            ((value[0], 0.5 * (value[0] + value[1])), (-value[1], -0.5 * (value[0] + value[1])))
-        ):
-            for row in range(lower.shape[0]):
-                np.maximum.at(self.attained[side, row], arcs.owner, np.where(np.isnan(lower[row]), -np.inf, lower[row]))
-                ascending = np.argsort(middle[row], kind="stable")
-                at = np.zeros(len(self.boxes), dtype=np.intp)
-                at[arcs.owner[ascending]] = ascending  # the last one written is the owner's largest
-                best = np.full(len(self.boxes), -np.inf)
-                best[arcs.owner] = middle[row][at[arcs.owner]]
-                better = best > self.found[side, row]
-                chosen = at[better]
-                self.found[side, row, better] = best[better]
-                self.instant[side, row, better] = self._time(arcs.owner[chosen], arcs.segment[chosen], u[chosen])
+    def _attain(self, arcs: Arcs, which: int, values: Pair) -> None:
+        """Takes note of the values at one end of the arcs: the largest of each trajectory, and where."""
+        low, high = values
+        owners, first, inverse = np.unique(arcs.owner, return_index=True, return_inverse=True)
+        self.floor[..., owners] = np.maximum(self.floor[..., owners], np.maximum.reduceat(high, first, axis=-1))
+        largest = np.maximum.reduceat(low, first, axis=-1)
+        index = np.where(low == largest[..., inverse], np.arange(len(arcs)), -1)
+        index = np.maximum.reduceat(index, first, axis=-1)
+        better = largest > self.attained[..., owners]
+        side, row, owner = np.nonzero(better)
+        chosen, at = index[better], (side, row, owners[owner])
+        self.attained[at] = largest[better]
+        self.found[at] = 0.5 * low[side, row, chosen] + 0.5 * high[side, row, chosen]
+        self.place[0][at], self.place[1][at] = arcs.segment[chosen], (arcs.a if which == 0 else arcs.b)[chosen]
 
-    def _time(self, owner: NDArray[np.intp], segment: NDArray[np.intp], u: Array) -> Array:
-        curves = [self.trajectories[i].curve for i in owner]
-        return np.array([c.knots[k] + s * c.durations[k] for c, k, s in zip(curves, segment, u, strict=True)])
-
-    def _enclose(self, arcs: Arcs) -> tuple[Pair, Pair, Array, Array]:
-        """Values at both ends, bounds of both sides over each arc, and where to cut."""
+    def _enclose(self, arcs: Arcs, start: Pair, end: Pair) -> tuple[Array, Array]:
+        """Bounds of both sides over each arc, and where to cut it."""
         if self.limit.order is not None:
-            order = self.limit.order
-            start, end = arcs.end(order, 0), arcs.end(order, -1)
-            lower, upper = arcs.hull(order)
-            bound = np.stack([upper, -lower])
-            return start, end, bound, np.full(bound.shape, 0.5)
-        start, end = self._values(arcs, 0), self._values(arcs, -1)
-        low, high = self._curvature(arcs)
-        width = arcs.width()
-        bounds = [parabola_bound(start[1], end[1], -low, width), parabola_bound(-start[0], -end[0], high, width)]
-        cuts = [peak_fraction(start[1], end[1], -low, width), peak_fraction(-start[0], -end[0], high, width)]
-        return start, end, np.stack(bounds), np.stack(cuts)
+            bound = _sides(*arcs.hull(self.limit.order))[1]
+            return bound, np.full(bound.shape, 0.5)
+        curvature, width = self._curvature(arcs), arcs.width()
+        return parabola_bound(start[1], end[1], curvature, width), peak_fraction(start[1], end[1], curvature, width)
+
+    def _values(self, arcs: Arcs, which: int) -> Pair:
+        """Bounds of both sides' values at one end of each arc."""
+        if self.limit.order is not None:
+            return _sides(*arcs.end(self.limit.order, which))
+        x = self._stack([arcs.end(order, which) for order in range(self.order + 1)], len(ORDERS))
+        return _sides(*_where_defined(*self.value.enclose(x, arcs.end_time(which), *self._shared(arcs))))
+
+    def _curvature(self, arcs: Arcs) -> Array:
+        """Upper bounds of minus the second derivative of both sides' values over each arc."""
+        x = self._stack([arcs.hull(order) for order in range(self.order + 3)], len(ORDERS) + 2)
+        rate = (np.nextafter(1.0 / arcs.duration, -np.inf)[None], np.nextafter(1.0 / arcs.duration, np.inf)[None])
+        low, high = _where_defined(*self.curvature.enclose(x, arcs.local_time(), *self._shared(arcs), rate))
+        return np.stack([-low, high])
+
+    @staticmethod
+    def _stack(derivatives: list[Pair], orders: int) -> Pair:
+        """The derivatives below each other, with zeros for those of higher order, which the limit does not read."""
+        rest = np.zeros(((orders - len(derivatives)) * len(derivatives[0][0]), derivatives[0][0].shape[1]))
+        return np.concatenate([low for low, _ in derivatives] + [rest]), np.concatenate(
+            [high for _, high in derivatives] + [rest]
+        )
 
     def _shared(self, arcs: Arcs) -> tuple[Pair, Pair]:
         p = self.parameters[:, arcs.owner]
@@ -307,51 +391,64 @@ class _Prover:
         c = np.zeros((0, len(arcs))) if constants is None else constants[arcs.segment].T
         return (p, p), (c, c)
 
-    def _values(self, arcs: Arcs, which: int) -> Pair:
-        ends = [arcs.end(order, which) for order in range(len(ORDERS))]
-        x = (np.concatenate([low for low, _ in ends]), np.concatenate([high for _, high in ends]))
-        return self.value.enclose(x, arcs.end_time(which), *self._shared(arcs))[0]
-
-    def _curvature(self, arcs: Arcs) -> Pair:
-        hulls = [arcs.hull(order) for order in range(len(ORDERS) + 2)]
-        x = (np.concatenate([low for low, _ in hulls]), np.concatenate([high for _, high in hulls]))
-        rate = (np.nextafter(1.0 / arcs.duration, -np.inf)[None], np.nextafter(1.0 / arcs.duration, np.inf)[None])
-        return self.curvature.enclose(x, arcs.local_time(), *self._shared(arcs), rate)[0]
-
     def _rows(self, index: int) -> list[AuditRow]:
-        limit, rows = self.limit, []
-        for row, label in enumerate(limit.labels):
-            scale = float(limit.scale[row])
-            sides = []
-            for side, sign in ((0, 1.0), (1, -1.0)):
-                bound = self.bound[side, row]
-                if not np.isfinite(bound):
-                    continue
-                attained, proved = self.attained[side, row, index], self.proved[side, row, index]
-                if attained > bound + self.allowance * scale:
-                    verdict = VIOLATED
-                elif proved <= bound + self.allowance * scale:
-                    verdict = PROVED
-                else:
-                    verdict = UNDECIDED
-                found = self.found[side, row, index]
-                sides.append(
-                    AuditRow(
-                        limit.id,
-                        label,
-                        limit.units[row],
-                        sign * bound,
-                        sign * found,
-                        float(self.instant[side, row, index]),
-                        sign * max(proved, found),
-                        float((bound - max(proved, found)) / scale),
-                        verdict,
-                        int(self.boxes[index]),
-                    )  # fmt: skip
-                )
+        rows = []
+        for row in range(len(self.limit.labels)):
+            sides = [self._row(side, row, index) for side in (0, 1) if np.isfinite(self.bound[side, row])]
             if sides:
                 rows.append(max(sides, key=lambda r: (_SEVERITY[r.verdict], -r.margin)))
         return rows
+
+    def _row(self, side: int, row: int, index: int) -> AuditRow:
+        limit, at, sign = self.limit, (side, row, index), (1.0, -1.0)[side]
+        bound, scale = float(self.bound[side, row]), float(self.scale[row])
+        attained, proved = float(self.attained[at]), float(self.proved[at])
+        verdict = UNDECIDED
+        if attained > bound + self.allowance * scale:
+            verdict = VIOLATED
+        elif proved <= bound + self.allowance * scale:
+            verdict = PROVED
+        curve, segment = self.trajectories[index].curve, int(self.place[0][at])
+        instant = float(curve.knots[segment] + self.place[1][at] * curve.durations[segment])
+        return AuditRow(
+            limit.id, limit.labels[row], limit.units[row], sign * bound, sign * float(self.found[at]), instant,
+            sign * proved, (bound - proved) / scale, verdict, int(self.boxes[index]),
+        )  # fmt: skip
+
+
+def _sides(lower: Array, upper: Array) -> Pair:
+    """Bounds of g and -g, ``(2, rows, N)``."""
+    return np.stack([lower, -upper]), np.stack([upper, -lower])
+
+
+def _take(pair: Pair, which: Any) -> Pair:
+    return pair[0][..., which], pair[1][..., which]
+
+
+def _alternate(left: Pair, right: Pair) -> Pair:
+    """Entries of two pairs ``(.., N)`` in turn."""
+    low, high = (np.stack([x, y], axis=-1).reshape(*x.shape[:-1], -1) for x, y in zip(left, right, strict=True))
+    return low, high
+
+
+def _where_defined(bounds: Pair, conditions: Pair) -> Pair:
+    """The bounds, infinite where not all conditions are proved to be positive."""
+    defined = (conditions[0] > 0.0).all(axis=0)
+    return np.where(defined, bounds[0], -np.inf), np.where(defined, bounds[1], np.inf)
+
+
+def _require_derivative(requirements: Requirements, limit: PathConstraint) -> bool:
+    """Refuses a limit that claims to be on a derivative itself and is not: its expression would not be read."""
+    function = requirements.function(limit)
+    state = [casadi.SX.sym("z", function.sparsity_in(i)) for i in range(4)]
+    value, dof = function(*state), requirements.dof
+    derivative = state[0][limit.order * dof : (limit.order + 1) * dof]
+    if value.numel() != dof or not all(casadi.is_equal(value[i], derivative[i]) for i in range(dof)):
+        raise ProblemDefinitionError(
+            f"limit {limit.id!r}: it says order={limit.order}, but its expression is not {ORDERS[limit.order]} itself; "
+            "leave order out"
+        )
+    return True
 
 
 def _check_points(trajectory: Trajectory, requirements: Requirements, point: PointConstraint) -> list[AuditRow]:

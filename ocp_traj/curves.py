@@ -33,8 +33,8 @@ def cubic_spline_free_ends(via_points: ArrayLike, intervals: Any) -> PiecewiseBe
     points = np.asarray(via_points, dtype=float)
     count = points.shape[0] + 1  # intervals
     symbolic = isinstance(intervals, casadi.SX)
-    h = [intervals[i] for i in range(count)] if symbolic else list(np.asarray(intervals, dtype=float))
-    if points.shape[0] < 3 or len(h) != count or (intervals.shape[0] if symbolic else len(intervals)) != count:
+    h = casadi.vertsplit(intervals) if symbolic else list(np.asarray(intervals, dtype=float))
+    if points.shape[0] < 3 or len(h) != count:
         raise ProblemDefinitionError(
             f"a spline with free end knots needs at least 3 via points and one interval more; got {points.shape[0]} and {len(h)}"
         )

@@ -17,9 +17,9 @@ Array = NDArray[np.float64]
 Pair = tuple[Array, Array]  # lower, upper
 
 MAX_SPLITS = 48  # of one arc: our choice; an arc halved 48 times is shorter than rounding can tell
-# A cut rounds the recorded end of an arc three times, by at most 2^-53 each in [0, 1]: of b - a, product and sum.
-SLACK = MAX_SPLITS * 3.4e-16
-_TINY = np.finfo(float).tiny
+# A cut at a + r (b - a) rounds three times, by at most 2^-54 each since all stays below 1, and passes on older errors.
+SLACK = MAX_SPLITS * 2.3e-16
+_TINY = np.finfo(float).tiny  # 2^-1022
 
 
 def outward(lower: Array, upper: Array) -> Pair:
@@ -71,11 +71,6 @@ class Arcs:
         """Number of arcs."""
         return len(self.owner)
 
-    @property
-    def dof(self) -> int:
-        """Number of joints."""
-        return int(self.hodographs[0][0].shape[2])
-
     def take(self, which: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Arcs:
         """The arcs at these ascending indices."""
         return Arcs(
@@ -121,10 +116,63 @@ class Arcs:
     def end_time(self, which: int) -> Pair:
         """Enclosure of u at the start (0) or end (-1) of each arc, ``(1, N)``."""
         u = self.a if which == 0 else self.b
-        exact = (u == 0.0) | (u == 1.0)  # the ends of the segment itself: a cut never gets closer than SLACK matters
-        slack = np.where(exact, 0.0, SLACK)
-        return np.maximum(u - slack, 0.0)[None], np.minimum(u + slack, 1.0)[None]
+        return np.maximum(u - SLACK, 0.0)[None], np.minimum(u + SLACK, 1.0)[None]
 
     def width(self) -> Array:
         """Upper bound of each arc's duration [s], ``(N,)``."""
         return (self.b - self.a + 2.0 * SLACK) * self.duration * (1.0 + 1e-15)
+
+
+def interleave(left: Array, right: Array) -> Array:
+    """Entries of two arrays in turn, along the first axis."""
+    return np.stack([left, right], axis=1).reshape(-1, *left.shape[1:])
+
+
+def _de_casteljau(lower: Array, upper: Array, r: Array, s: Array) -> tuple[Pair, Pair]:
+    """Outward-rounded control points of both parts; r, s in (0, 1) are exact and sum to 1, ``(N, 1, 1)``."""
+    left, right = [(lower[:, :1], upper[:, :1])], [(lower[:, -1:], upper[:, -1:])]
+    while lower.shape[1] > 1:
+        lower, upper = _mean(lower, r, s, -1.0), _mean(upper, r, s, 1.0)
+        left.append((lower[:, :1], upper[:, :1]))
+        right.append((lower[:, -1:], upper[:, -1:]))
+    ends = [tuple(np.concatenate([pair[i] for pair in part], axis=1) for i in (0, 1)) for part in (left, right[::-1])]
+    return (ends[0][0], ends[0][1]), (ends[1][0], ends[1][1])
+
+
+def _mean(points: Array, r: Array, s: Array, outward: float) -> Array:
+    """Bound of s P_i + r P_{i+1} on one side, and not beyond the farther of the two, where no mean lies."""
+    first, second = points[:, :-1], points[:, 1:]
+    # Each product and the sum round once: together by less than 2^-52 of the larger point, or one subnormal number.
+    slack = 4e-16 * np.maximum(np.abs(first), np.abs(second))
+    mean = np.nextafter(s * first + r * second + outward * slack, outward * np.inf)
+    return np.minimum(mean, np.maximum(first, second)) if outward > 0.0 else np.maximum(mean, np.minimum(first, second))
+
+
+def parabola_bound(start: Array, end: Array, curvature: Array, width: Array) -> Array:
+    """Upper bound of g on arcs from bounds at the ends and of -g''.
+
+    Args:
+        start, end: upper bounds of g at the ends ``(.., N)``.
+        curvature: upper bound of -g'' ``(.., N)`` [per s^2].
+        width: upper bounds of the durations ``(N,)`` [s].
+
+    Returns:
+        ``(.., N)``; inf where anything is unknown.
+    """
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        # K is inflated by more than it and D are rounded, so that K <= |D| is sure where it is found. Products are
+        # ordered so that they do not underflow by more than the 2^-1022 added.
+        k = width * np.maximum(curvature, 0.0) * width * 0.5 * (1.0 + 4e-15) + _TINY
+        d = np.abs(end - start)
+        rise = np.where(k > d, 0.25 * (k - d) * ((k - d) / k) + 4e-16 * (k + d), 0.0)
+        bound = np.nextafter(np.maximum(start, end) + rise * (1.0 + 4e-15), np.inf)
+    # NaN (an unbounded curvature, say) must never pass for a bound.
+    return np.where(np.isfinite(k) & ~np.isnan(bound), bound, np.inf)
+
+
+def peak_fraction(start: Array, end: Array, curvature: Array, width: Array) -> Array:
+    """Where on the arc, in (0, 1), the bounding parabola peaks: the best place to cut, ``(.., N)``."""
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        k = width * np.maximum(curvature, 0.0) * width * 0.5
+        fraction = 0.5 * (1.0 + (end - start) / k)
+    return np.where(np.isfinite(fraction), np.clip(fraction, 0.125, 0.875), 0.5)

@@ -59,3 +59,18 @@ def write_text(path: str | Path, text: str) -> Path:
         temporary.write_text(text, encoding="utf-8")
 
     return write_with(path, write)
+
+
+def check_writable(path: str | Path) -> None:
+    """Raises ``FileFormatError`` unless a file can be written to ``path``; to be called before long work."""
+    target = Path(path)
+    if target.is_dir():
+        raise FileFormatError(f"cannot write {target}: it is a folder; give a file name")
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+        os.close(handle)
+        Path(name).unlink()
+    except OSError as error:
+        raise FileFormatError(
+            f"cannot write {target}: {error.strerror or error}; choose a folder that exists and is writable"
+        ) from error

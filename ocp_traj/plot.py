@@ -87,8 +87,17 @@ def plot_trajectory(trajectory: Trajectory, requirements: Requirements, path: st
             limit, index = entries[c]
             times, values = curves[limit.id]
             _limit(axes, times, values[index], limit, index)
-            for knot in trajectory.curve.knots:
-                axes.axvline(knot, color=KNOT, linewidth=0.6, zorder=0)
+            everywhere = axes.get_xaxis_transform()  # from the bottom of the axes to the top
+            axes.vlines(
+                trajectory.curve.knots,
+                0.0,
+                1.0,
+                transform=everywhere,
+                color=KNOT,
+                linewidth=0.6,
+                zorder=0,
+                label="knots",
+            )
             if c == 0:
                 axes.set_ylabel(limit.id, fontsize=9, fontweight="bold")
             if r == len(rows) - 1 or c >= len(rows[r + 1]):

@@ -63,9 +63,7 @@ def state_function(name: str, expression: Expression, dof: int, parameters: int,
         value = casadi.densify(casadi.SX(expression(state)))
     except Exception as error:  # an expression is the user's code: name the limit it belongs to
         raise ProblemDefinitionError(f"{name}: its expression failed on a symbolic state: {error}") from error
-    return casadi.Function(
-        "state_function", inputs, [casadi.vec(value)], ["x", "u", "p", "c"], [name.replace("-", "_")]
-    )
+    return casadi.Function("state_function", inputs, [casadi.vec(value)])
 
 
 def derivative_order(function: Any, dof: int) -> int:

@@ -2,28 +2,20 @@
 
 An SX function is a list of scalar operations on registers.  Run once with ``N`` values in each register, it evaluates
 ``N`` points in one pass: in floats, for populations and dense scans; in intervals, for proofs.  There a register holds
-``N`` boxes, ``(2, N)`` for lower and upper ends, and operations round outward, so that the result contains the exact
-range of the tape (its constants as rounded) over each box:
-
-* ``+ - * /``, square and square root are correctly rounded (IEEE 754): the next float outward is a bound;
-* NumPy's transcendental functions err by up to 4 units in the last place (ulp): the margin is 4 of them or more;
-* a box is never empty nor NaN: lower ends are below ``+inf``, upper ends above ``-inf``, both infinite where nothing is
-  known.  Of a box partly outside the domain of a function, the part inside counts.
+``N`` boxes, ``(2, N)`` for lower and upper ends, and operations round outward (see ``ocp_traj.intervals``), so that the
+result contains the exact range of the tape (its constants as rounded) over each box.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from ocp_traj.errors import InputError, KinkedExpression, UnsupportedOperation
-
-Array = NDArray[np.float64]
-Operation = Callable[..., Any]
+from ocp_traj.intervals import INTERVAL, Array, Operation, boxes_of, constant_power, operation_table, scaling
 
 
 class Tape:
@@ -101,10 +93,10 @@ class Tape:
         if self._interval_program is None:
             constants = [leaf for leaf in self._leaves if isinstance(leaf, float)]
             column = np.array(constants).reshape(-1, 1)
-            self._constants = dict(zip(constants, _boxes(column, column), strict=True))
+            self._constants = dict(zip(constants, boxes_of(column, column), strict=True))
             self._interval_program = [self._interval_step(*step) for step in self._steps]
         columns, n_columns = self._columns([end for pair in inputs for end in pair], ends=2)
-        boxes = [_boxes(lower, upper) for lower, upper in zip(columns[::2], columns[1::2], strict=True)]
+        boxes = [boxes_of(lower, upper) for lower, upper in zip(columns[::2], columns[1::2], strict=True)]
         for k, box in enumerate(boxes):
             if (box[:, 0] > box[:, 1]).any():
                 raise InputError(f"{self.name}: input {k} has a lower end above its upper end; swap them")
@@ -147,15 +139,15 @@ class Tape:
         leaves: list[Any] = [None] * self._n_slots + self._leaves
         left, right = leaves[first], leaves[second] if second >= 0 else None
         if operation == casadi.OP_MUL and first == second:
-            return _INTERVAL[casadi.OP_SQ], written, first, -1
+            return INTERVAL[casadi.OP_SQ], written, first, -1
         for factor, other in ((left, second), (right, first)):
             if operation == casadi.OP_MUL and isinstance(factor, float) and factor != 0.0 and math.isfinite(factor):
-                return _scaling(factor), written, other, -1
+                return scaling(factor), written, other, -1
         if operation in (casadi.OP_POW, casadi.OP_CONSTPOW) and isinstance(right, float):
-            return _constant_power(right), written, first, -1
-        if operation not in _INTERVAL:
-            raise self._unsupported(operation, "in intervals", _INTERVAL)
-        return _INTERVAL[operation], written, first, second
+            return constant_power(right), written, first, -1
+        if operation not in INTERVAL:
+            raise self._unsupported(operation, "in intervals", INTERVAL)
+        return INTERVAL[operation], written, first, second
 
     def _unsupported(self, operation: int, where: str, known: dict[int, Operation]) -> UnsupportedOperation:
         name = _NAMES.get(operation, f"operation {operation}")
@@ -163,13 +155,9 @@ class Tape:
         return UnsupportedOperation(f"{self.name}: {name} is not supported {where}; supported are {allowed}")
 
 
-def _table(**by_name: Any) -> dict[int, Any]:
-    return {getattr(casadi, f"OP_{name}"): value for name, value in by_name.items()}
-
-
 _NAMES = {getattr(casadi, name): name for name in dir(casadi) if name.startswith("OP_")}
 _SPLIT = "split it into several limits, one for each branch or argument (a maximum is several limits)"
-_KINKED: dict[int, str] = _table(
+_KINKED: dict[int, str] = operation_table(
     FABS="write |x| <= c as the two-sided limit -c <= x <= c, and limit a distance by its square (sqrt(x^2) is |x|)",
     ATAN2="it jumps by 2 pi across the half-line y = 0, x < 0: limit sines and cosines of the angle, or products",
     **dict.fromkeys(("FMIN", "FMAX", "SIGN", "COPYSIGN", "IF_ELSE_ZERO", "FLOOR", "CEIL", "FMOD", "REMAINDER"), _SPLIT),
@@ -190,7 +178,7 @@ def _logical(function: Operation) -> Operation:
     return lambda *operands: function(*operands) * 1.0
 
 
-_FLOAT: dict[int, Operation] = _table(
+_FLOAT: dict[int, Operation] = operation_table(
     ASSIGN=lambda x: x, ADD=np.add, SUB=np.subtract, MUL=np.multiply, DIV=np.divide, NEG=np.negative, INV=np.reciprocal,
     SQ=np.square, TWICE=lambda x: x + x, SQRT=np.sqrt, POW=np.power, CONSTPOW=np.power, HYPOT=np.hypot,
     EXP=np.exp, EXPM1=np.expm1, LOG=np.log, LOG1P=np.log1p, ERF=special.erf,
@@ -200,199 +188,4 @@ _FLOAT: dict[int, Operation] = _table(
     FMIN=np.fmin, FMAX=np.fmax, IF_ELSE_ZERO=lambda x, y: np.where(np.not_equal(x, 0.0), y, 0.0),
     LT=_logical(np.less), LE=_logical(np.less_equal), EQ=_logical(np.equal), NE=_logical(np.not_equal),
     NOT=_logical(np.logical_not), AND=_logical(np.logical_and), OR=_logical(np.logical_or),
-)  # fmt: skip
-
-# --- Intervals: boxes (2, N), or (2, 1) where all columns are the same ------------------------------------------------
-
-_MAX = np.finfo(np.float64).max
-_ENTIRE, _INWARD = np.array([[-np.inf], [np.inf]]), np.array([[_MAX], [-_MAX]])
-_PI, _HALF_PI = np.nextafter(np.pi, np.inf), np.nextafter(np.pi / 2, np.inf)  # bounds from above
-_HUGE_ANGLE = 1e5  # [rad] our choice: the range of sin, cos and tan is not resolved beyond
-_FULL_TURN = np.array([[-4.0], [4.0]])  # [rad] a box with every extremum of sin and cos inside
-
-Margin = tuple[Array, Array]  # relative and absolute
-
-# x + (a |x| + b), in floats, is the next float after x or the one after that: Rump, Zimmermann, Boldo and Melquiond
-# (2009), BIT 49(2), Algorithm 1.
-_NEXT: Margin = (np.array(2.0**-53 * (1.0 + 2.0**-52)), np.array(2.0**-1074))
-_ULPS: Margin = (np.array(4.5 * 2.0**-52), np.array(2.0**-1022))  # 4 ulp once rounded; below 2^-1022 a flush to zero
-
-
-def _outward(box: Array, margin: Margin) -> Array:
-    """The box wider by the margin at each end."""
-    more = np.abs(box)
-    more *= margin[0]
-    more += margin[1]
-    np.negative(more[0], out=more[0])
-    try:
-        result: Array = box + more
-    except FloatingPointError:  # inf - inf: an end that overflowed inward
-        with np.errstate(invalid="ignore"):
-            result = box + more
-        result = np.where(np.isnan(result), _INWARD, result)
-    return result
-
-
-def _hull(values: Array) -> Array:
-    """Least and greatest of each column."""
-    result = np.empty((2, values.shape[1]))
-    np.minimum.reduce(values, axis=0, out=result[0])
-    np.maximum.reduce(values, axis=0, out=result[1])
-    return result
-
-
-def _boxes(lower: Array, upper: Array) -> Array:
-    """Boxes ``(numel, 2, N)`` of ends ``(numel, 1 or N)``."""
-    low = np.where(np.isnan(lower), -np.inf, np.minimum(lower, _MAX))
-    high = np.where(np.isnan(upper), np.inf, np.maximum(upper, -_MAX))
-    return np.stack(np.broadcast_arrays(low, high), axis=1)
-
-
-def _corners(function: Operation, margin: Margin) -> Operation:
-    """Extension of a function of two variables with its extrema over a box at the corners."""
-
-    def extension(x: Array, y: Array) -> Array:
-        try:
-            values = function(x[:, None], y[None])
-        except FloatingPointError:  # 0 * inf and inf / inf: 0 for finite operands, and their other limits are corners
-            with np.errstate(invalid="ignore"):
-                values = function(x[:, None], y[None])
-            values[np.isnan(values)] = 0.0
-        return _outward(_hull(values.reshape(4, -1)), margin)
-
-    return extension
-
-
-def _apply(function: Operation, *operands: Array) -> Array:
-    try:
-        result: Array = function(*operands)
-    except FloatingPointError:  # vectorised code may raise the flag without a cause
-        with np.errstate(invalid="ignore"):
-            result = function(*operands)
-    return result
-
-
-def _increasing(
-    function: Operation,
-    domain: tuple[float, float] | None = None,
-    image: tuple[float, float] | None = None,
-    margin: Margin = _ULPS,
-) -> Operation:
-    """Extension of an increasing function of one variable."""
-
-    def extension(x: Array) -> Array:
-        inside = np.minimum(np.maximum(x, domain[0]), domain[1]) if domain else x
-        result = _outward(_apply(function, inside), margin)
-        if image:
-            result = np.minimum(np.maximum(result, image[0]), image[1])
-        return np.where((x[1] < domain[0]) | (x[0] > domain[1]), _ENTIRE, result) if domain else result
-
-    return extension
-
-
-def _magnitude(x: Array) -> Array:
-    """Range of |x|, exact."""
-    result: Array = np.maximum(np.maximum(x, -x[::-1]), 0.0)
-    return result
-
-
-def _even(increasing: Operation) -> Operation:
-    return lambda x: increasing(_magnitude(x))
-
-
-def _scaling(factor: float) -> Operation:
-    return lambda x: _outward((x if factor > 0.0 else x[::-1]) * factor, _NEXT)
-
-
-def _quotient(x: Array, y: Array) -> Array:
-    pole = (y[0] <= 0.0) & (y[1] >= 0.0)
-    return np.where(pole, _ENTIRE, _divide(x, np.where(pole, 1.0, y)))
-
-
-def _inverse(x: Array) -> Array:
-    return np.where((x[0] <= 0.0) & (x[1] >= 0.0), _ENTIRE, _outward(1.0 / x[::-1], _NEXT))
-
-
-def _constant_power(exponent: float) -> Operation:
-    """Extension of x^exponent, for an exponent that is not an integer on x >= 0."""
-    if not math.isfinite(exponent):
-        return lambda x: _ENTIRE
-    if exponent < 0.0:
-        positive = _constant_power(-exponent)
-        return lambda x: _inverse(positive(x))
-    if exponent % 2.0 == 1.0:
-        return _increasing(lambda x: np.power(x, exponent))
-    increasing = _increasing(lambda x: np.power(x, exponent), domain=(0.0, np.inf), image=(0.0, np.inf))
-    return _even(increasing) if exponent % 2.0 == 0.0 else increasing
-
-
-def _power(x: Array, y: Array) -> Array:
-    """Extension of x^y = exp(y log x)."""
-    return np.where(x[0] < 0.0, _ENTIRE, _exp(_multiply(y, _log(x))))
-
-
-def _turns(x: Array, period: float, first: float) -> Array:
-    """The box in periods after ``first``, [rad]; the margin is more than the rounding, that of pi included."""
-    return _outward((x - first) / period, (_ULPS[0], _ULPS[0]))
-
-
-def _holds_integer(turns: Array) -> Any:
-    return np.floor(turns[1]) >= np.ceil(turns[0])
-
-
-def _is_huge(x: Array) -> Any:
-    return np.maximum(-x[0], x[1]) > _HUGE_ANGLE
-
-
-def _wave(function: Operation, peak: float) -> Operation:
-    """Extension of sin or cos, whose maximum 1 is at ``peak``, [rad]."""
-
-    def extension(x: Array) -> Array:
-        x = np.where(_is_huge(x), _FULL_TURN, x)
-        result = np.minimum(np.maximum(_outward(_hull(_apply(function, x)), _ULPS), -1.0), 1.0)
-        turns = _turns(x, 2.0 * np.pi, peak)
-        result[0][_holds_integer(turns - 0.5)] = -1.0
-        result[1][_holds_integer(turns)] = 1.0
-        return result
-
-    return extension
-
-
-def _tan(x: Array) -> Array:
-    pole = _is_huge(x) | _holds_integer(_turns(x, np.pi, np.pi / 2))
-    return np.where(pole, _ENTIRE, _outward(_apply(np.tan, np.where(pole, 0.0, x)), _ULPS))
-
-
-def _angle(y: Array, x: Array) -> Array:
-    """Extension of atan2(y, x), [rad]: all of it for a box that touches the half-line y = 0, x <= 0."""
-    cut = (y[0] <= 0.0) & (y[1] >= 0.0) & (x[0] <= 0.0)
-    result: Array = np.minimum(np.maximum(np.where(cut, _ENTIRE, _atan2(y, x)), -_PI), _PI)
-    return result
-
-
-def _length(x: Array, y: Array) -> Array:
-    result: Array = np.maximum(_outward(_apply(np.hypot, _magnitude(x), _magnitude(y)), _ULPS), 0.0)
-    return result
-
-
-_multiply, _divide, _atan2 = _corners(np.multiply, _NEXT), _corners(np.divide, _NEXT), _corners(np.arctan2, _ULPS)
-_exp, _log = _increasing(np.exp, image=(0.0, np.inf)), _increasing(np.log, domain=(0.0, np.inf))
-_acos_of_minus = _increasing(lambda x: np.arccos(-x), domain=(-1.0, 1.0), image=(0.0, _PI))
-
-_INTERVAL: dict[int, Operation] = _table(
-    ASSIGN=lambda x: x, NEG=lambda x: -x[::-1], FABS=_magnitude, FMIN=np.minimum, FMAX=np.maximum,
-    ADD=lambda x, y: _outward(x + y, _NEXT), SUB=lambda x, y: _outward(x - y[::-1], _NEXT), MUL=_multiply,
-    TWICE=lambda x: _outward(x + x, _NEXT), DIV=_quotient, INV=_inverse, POW=_power, CONSTPOW=_power, HYPOT=_length,
-    SQ=_even(_increasing(np.square, image=(0.0, np.inf), margin=_NEXT)),
-    SQRT=_increasing(np.sqrt, domain=(0.0, np.inf), image=(0.0, np.inf), margin=_NEXT),
-    EXP=_exp, EXPM1=_increasing(np.expm1, image=(-1.0, np.inf)),
-    LOG=_log, LOG1P=_increasing(np.log1p, domain=(-1.0, np.inf)),
-    ERF=_increasing(special.erf, image=(-1.0, 1.0), margin=(4.0 * _ULPS[0], _ULPS[1])),  # SciPy's errs by 3 ulp or so
-    SIN=_wave(np.sin, np.pi / 2), COS=_wave(np.cos, 0.0), TAN=_tan, ATAN2=_angle,
-    ASIN=_increasing(np.arcsin, domain=(-1.0, 1.0), image=(-_HALF_PI, _HALF_PI)),
-    ACOS=lambda x: _acos_of_minus(-x[::-1]), ATAN=_increasing(np.arctan, image=(-_HALF_PI, _HALF_PI)),
-    SINH=_increasing(np.sinh), COSH=_even(_increasing(np.cosh, image=(1.0, np.inf))),
-    TANH=_increasing(np.tanh, image=(-1.0, 1.0)), ASINH=_increasing(np.arcsinh),
-    ACOSH=_increasing(np.arccosh, domain=(1.0, np.inf), image=(0.0, np.inf)),
-    ATANH=_increasing(np.arctanh, domain=(-1.0, 1.0)),
 )  # fmt: skip

@@ -43,6 +43,7 @@ class FrontTracer:
         solver: of each point.
         starts: random starts at each end of the front, where nothing is known yet.
         seed: of those starts.
+        max_seconds: stop after the point that passes this.
         progress: told after each point.
     """
 
@@ -50,6 +51,7 @@ class FrontTracer:
     solver: Exchange = field(default_factory=Exchange)
     starts: int = 2
     seed: int = 0
+    max_seconds: float = np.inf
     progress: Progress = silent
 
     def __post_init__(self) -> None:
@@ -62,7 +64,7 @@ class FrontTracer:
         if len(objectives) < 2:
             raise InputError(f"a front trades two or more objectives; got {', '.join(objectives) or 'none'}")
         begun = time.perf_counter()
-        trace = _Trace(self, problem, tuple(objectives))
+        trace = _Trace(self, problem, tuple(objectives), begun + self.max_seconds)
         interrupted = False
         try:
             trace.ends()
@@ -77,8 +79,8 @@ class FrontTracer:
 class _Trace:
     """One run of the tracer: the solutions so far and their objective values, less is better."""
 
-    def __init__(self, tracer: FrontTracer, problem: Problem, objectives: tuple[str, ...]) -> None:
-        self.tracer, self.problem, self.names = tracer, problem, objectives
+    def __init__(self, tracer: FrontTracer, problem: Problem, objectives: tuple[str, ...], deadline: float) -> None:
+        self.tracer, self.problem, self.names, self.deadline = tracer, problem, objectives, deadline
         self.population = Population(problem, objectives)
         self.signs = np.array([1.0 if problem.objective(name).sense == "min" else -1.0 for name in objectives])
         self.reference = np.array(
@@ -108,7 +110,7 @@ class _Trace:
         """Halves the widest gap until there are enough points or no gap is left."""
         span = np.maximum(np.ptp(self.values, axis=0), 1e-12)
         closed: set[tuple[float, float]] = set()  # gaps in which nothing new was found
-        while len(self.solutions) < self.tracer.points:
+        while len(self.solutions) < self.tracer.points and time.perf_counter() < self.deadline:
             order = np.argsort(self.values[:, 0])
             values = self.values[order]
             gaps = np.abs(np.diff(values, axis=0)) / span
@@ -145,6 +147,8 @@ class _Trace:
         for direction in get_reference_directions("das-dennis", m, n_partitions=partitions):
             if direction.max() > 1.0 - 1e-9:
                 continue  # the ends are known
+            if time.perf_counter() >= self.deadline:
+                return
             goals = {n: float(s * v) for n, s, v in zip(self.names, self.signs, low, strict=True)}
             weights = {n: float(max(w, 1e-3) * d) for n, w, d in zip(self.names, direction, span, strict=True)}
             near = np.argsort(np.abs((self.values - low) / span / np.maximum(direction, 1e-3)).max(axis=1))

@@ -76,6 +76,7 @@ class NSGA2:
         crossover, mutation: probabilities, of a pair and of a variable.
         crossover_index, mutation_index: distribution indices of SBX and polynomial mutation.
         per_segment: instants a segment at which limits are looked at; the audit has the last word.
+        max_seconds: stop after the generation that passes this.
         progress: told after each generation.
     """
 
@@ -87,6 +88,7 @@ class NSGA2:
     crossover_index: float = 10.0
     mutation_index: float = 100.0
     per_segment: int = 5
+    max_seconds: float = np.inf
     progress: Progress = silent
 
     def __post_init__(self) -> None:
@@ -110,7 +112,7 @@ class NSGA2:
         algorithm.setup(target, termination=("n_gen", self.generations), seed=self.seed, verbose=False)
         interrupted = False
         try:
-            while algorithm.has_next():
+            while algorithm.has_next() and time.perf_counter() - begun < self.max_seconds:
                 algorithm.next()
                 self.progress(algorithm.n_iter - 1, self.generations, _words(algorithm))
         except KeyboardInterrupt:

@@ -35,7 +35,7 @@ def run(front: Front, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def homeless(tmp_path: Path) -> Path:
-    """A trajectory of no problem: from 0 to 1e-5 in 2.5 s at constant speed 4e-6, and a joint whose name needs quotes."""
+    """A trajectory of no problem: from 0 to 1e-5 in 2.5 s at constant speed 4e-6, and a joint at rest."""
     points = np.array([[0.0, 1.0], [1e-5, 1.0]])
     return Trajectory(PiecewiseBezier(np.array([2.5]), (points,)), ("a: b", "yes")).save(tmp_path / "homeless.json")
 

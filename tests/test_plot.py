@@ -158,7 +158,8 @@ def test_the_values_are_the_limits_and_the_knots_are_marked(figures: list[Figure
     (axes,) = visible(figures[0])
     times, values = (np.asarray(data) for data in axes.lines[0].get_data())
     assert values == approx(0.5 * times) and times[-1] == approx(2.0)
-    knots = [float(np.asarray(x.get_xdata())[0]) for x in axes.lines if np.ptp(np.asarray(x.get_xdata())) == 0.0]
+    (lines,) = [c for c in axes.collections if c.get_label() == "knots"]
+    knots = [float(path.vertices[0, 0]) for path in lines.get_paths()]
     assert knots == approx([0.0, 1.0, 2.0])
     red = [x for x in axes.lines if x.get_color() == plot.LIMIT and x.get_linestyle() == "-"]
     outside = np.asarray(red[0].get_ydata(), dtype=float)

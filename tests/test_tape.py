@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ocp_traj.errors import InputError, KinkedExpression, UnsupportedOperation
-from ocp_traj.tape import _FLOAT, _INTERVAL, _NAMES, Tape, _apply
+from ocp_traj.intervals import INTERVAL, _apply
+from ocp_traj.tape import _FLOAT, _NAMES, Tape
 
 Array = NDArray[Any]
 SX = casadi.SX
@@ -294,7 +295,7 @@ def test_results_and_inputs_are_not_shared() -> None:
 def test_every_interval_operation_is_tested() -> None:
     functions = [_case_function(name) for name in CASES]
     used = {function.instruction_id(k) for function in functions for k in range(function.n_instructions())}
-    assert {_NAMES[operation] for operation in set(_INTERVAL) - used} == {"OP_ASSIGN"}
+    assert {_NAMES[operation] for operation in set(INTERVAL) - used} == {"OP_ASSIGN"}
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -1,0 +1,294 @@
+"""The command line: ``ocp-traj``, also ``python -m ocp_traj``.
+
+Results go to stdout, as tables or, with ``--json``, as one JSON object; progress and messages go to stderr. Exit codes:
+0 done and proved; 1 the result is infeasible, violated or undecided; 2 wrong input, in one line; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ocp_traj import api, problems, screen
+from ocp_traj.audit import Audit
+from ocp_traj.audit import audit as run_audit
+from ocp_traj.errors import InputError, OcpTrajError
+from ocp_traj.export import export as run_export
+from ocp_traj.files import check_writable
+from ocp_traj.limits_file import check_joints, read_requirements
+from ocp_traj.plot import plot_trajectory
+from ocp_traj.problem import Problem
+from ocp_traj.reproduce import reproduce as run_reproduce
+from ocp_traj.store import check_target, save_run
+from ocp_traj.trajectory import Trajectory
+
+DONE, NOT_PROVED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+app = typer.Typer(
+    help="Robot trajectories that are optimal and proved to keep every limit at every instant.",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+ProblemName = Annotated[str, typer.Argument(metavar="PROBLEM", help="Id of a problem; see `ocp-traj problems`.")]
+Fields = Annotated[
+    list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="Change a field of the case; may be repeated.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
+
+
+@app.command("problems")
+def list_problems(json: AsJson = False) -> None:
+    """Lists the problems.  Example: ocp-traj problems."""
+    screen.show(screen.problem_list([problems.load(name) for name in problems.names()]), json)
+
+
+@app.command()
+def show(problem: ProblemName, set_: Fields = None, json: AsJson = False) -> None:
+    """Shows a problem's variables, objectives and limits.  Example: ocp-traj show hybrid-spline."""
+    screen.show(screen.problem_sheet(_load(problem, set_)), json)
+
+
+@app.command()
+def solve(
+    problem: ProblemName,
+    objective: Annotated[str | None, typer.Option(metavar="NAME", help="Minimise this objective.")] = None,
+    weight: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=W", help="Minimise sum W f / scale; may be repeated.")
+    ] = None,
+    set_: Fields = None,
+    starts: Annotated[int, typer.Option(help="Random starts; the best result counts.", min=1)] = 1,
+    seed: Seed = 0,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the trajectory here (JSON).")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the trajectory here (PNG, PDF or SVG).")] = None,
+    json: AsJson = False,
+) -> int:
+    """Solves a problem and proves the result.  Example: ocp-traj solve hybrid-spline --objective time -o fast.json."""
+    weights = {name: _number(value, f"--weight {name}") for name, value in _pairs(weight, "--weight").items()}
+    chosen = _load(problem, set_)
+    for path in (output, plot):
+        if path is not None:
+            check_writable(path)
+    with screen.progress("solving") as progress:
+        solution = api.solve(chosen, objective=objective, weights=weights, starts=starts, seed=seed, progress=progress)
+    screen.show(screen.solution_sheet(chosen, solution), json)
+    if solution.trajectory is None or solution.audit is None:
+        screen.say(solution.explain())
+        return NOT_PROVED
+    if output is not None:
+        screen.say(f"trajectory: {solution.trajectory.save(output)}")
+    if plot is not None:
+        screen.say(f"picture: {plot_trajectory(solution.trajectory, chosen.requirements, plot)}")
+    return _verdict(solution.audit, solution.status.ok)
+
+
+@app.command()
+def pareto(
+    problem: ProblemName,
+    objectives: Annotated[str, typer.Option(metavar="A,B[,..]", help="Objectives to trade.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN", help="Folder to write the run to.")],
+    method: Annotated[str, typer.Option(help=f"One of: {', '.join(api.METHODS)}.")] = "trace",
+    points: Annotated[int, typer.Option(help="Points to trace.", min=2)] = 40,
+    population: Annotated[int, typer.Option(help="Individuals of nsga2.", min=4)] = 100,
+    generations: Annotated[int, typer.Option(help="Generations of nsga2.", min=1)] = 200,
+    set_: Fields = None,
+    seed: Seed = 0,
+    budget: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="Stop after this time with what is there.")
+    ] = None,
+    reference: Annotated[
+        str | None,
+        typer.Option(metavar="A,B[,..]", help="Reference point of the hypervolume; the problem's own if not given."),
+    ] = None,
+    ideal: Annotated[
+        str | None,
+        typer.Option(metavar="A,B[,..]", help="Ideal point of the hypervolume; the front's own if not given."),
+    ] = None,
+    keep_unproved: Annotated[bool, typer.Option(help="Keep points that are not proved.")] = False,
+    force: Annotated[bool, typer.Option(help="Replace an existing run.")] = False,
+    json: AsJson = False,
+) -> int:
+    """Traces a Pareto front, every point proved.  Example: ocp-traj pareto hybrid-spline --objectives time,energy -o runs/a."""
+    chosen = _load(problem, set_)
+    names = tuple(name.strip() for name in objectives.split(",") if name.strip())
+    corners = [_point(text, names, what) for text, what in ((reference, "--reference"), (ideal, "--ideal"))]
+    check_target(output, force)
+    options: dict[str, Any] = {"population": population, "generations": generations} if method == "nsga2" else {}
+    with screen.progress(method) as progress:
+        front = api.pareto(
+            chosen, names, method=method, points=points, seed=seed, budget=budget, keep_unproved=keep_unproved,
+            progress=progress, **options,
+        )  # fmt: skip
+    if not len(front):
+        screen.say(
+            f"{chosen.id}: {method} found no proved point ({front.info['dropped']}); --keep-unproved keeps the others"
+        )
+        return NOT_PROVED
+    volume = front.hypervolume(*corners)
+    folder = save_run(front, output, force=force)
+    screen.show(screen.front_sheet(front, volume, folder), json)
+    screen.say(f"run: {folder}\npicture: {folder / 'front.png'}")
+    return INTERRUPTED if front.info.get("interrupted") else DONE
+
+
+@app.command()
+def payload(
+    problem: ProblemName,
+    along: Annotated[
+        Path | None, typer.Option(metavar="TRAJECTORY", help="Along this trajectory (JSON), timing kept.")
+    ] = None,
+    max_time: Annotated[
+        float | None, typer.Option(metavar="S", help="Of all trajectories within this time [s].")
+    ] = None,
+    set_: Fields = None,
+    starts: Annotated[int, typer.Option(help="Random starts of the joint problem.", min=1)] = 2,
+    seed: Seed = 0,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write the trajectory that carries it (JSON).")
+    ] = None,
+    json: AsJson = False,
+) -> int:
+    """Finds the largest payload (DLCC): for every time law, along a trajectory, or within a time.
+
+    Example: ocp-traj payload hybrid-spline --max-time 6.19
+    """
+    chosen = _load(problem, set_)
+    if output is not None:
+        check_writable(output)
+        if along is None and max_time is None:
+            raise InputError(
+                "the bound for every time law has no trajectory to write; give --along or --max-time with -o"
+            )
+    trajectory = None if along is None else Trajectory.load(along)
+    with screen.progress("payload") as progress:
+        found = api.payload(
+            chosen, trajectory=trajectory, max_time=max_time, starts=starts, seed=seed, progress=progress
+        )
+    screen.show(screen.payload_sheet(found), json)
+    if output is not None and found.trajectory is not None:
+        screen.say(f"trajectory: {found.trajectory.save(output)}")
+    return DONE
+
+
+@app.command()
+def audit(
+    trajectory: Annotated[Path, typer.Argument(metavar="TRAJECTORY", help="A trajectory file (JSON).")],
+    limits: Annotated[
+        Path | None, typer.Option(help="Limits to audit against (TOML); its own problem's if not given.")
+    ] = None,
+    json: AsJson = False,
+) -> int:
+    """Proves that a trajectory keeps its limits, or says where not.  Example: ocp-traj audit fast.json."""
+    moved = Trajectory.load(trajectory)
+    if limits is None:
+        checked = moved.audit()
+    else:
+        requirements = read_requirements(limits)
+        check_joints(moved, requirements)
+        checked = run_audit(moved, requirements)
+    screen.show(screen.audit_sheet(checked), json)
+    return _verdict(checked)
+
+
+@app.command()
+def reproduce(
+    problem: ProblemName,
+    seeds: Annotated[int, typer.Option(help="Runs of the paper's stochastic method.", min=1)] = 3,
+    json: AsJson = False,
+) -> None:
+    """Puts a paper's tables beside ours.  Example: ocp-traj reproduce hybrid-spline."""
+    problems.case_class(problem)
+    with screen.progress("reproducing") as progress:
+        found = run_reproduce(problem, seeds=seeds, progress=progress)
+    screen.show(screen.reproduction_sheet(found), json)
+
+
+@app.command()
+def export(
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="A run folder, a front.csv or a trajectory (JSON).")],
+    format: Annotated[str, typer.Option(help="csv, parquet, json; ros for a trajectory.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="File to write; beside FILE if not given.")
+    ] = None,
+    samples: Annotated[int, typer.Option(help="Instants of a sampled trajectory.", min=2)] = 200,
+    json: AsJson = False,
+) -> None:
+    """Exports a front or a trajectory.  Example: ocp-traj export fast.json --format ros."""
+    suffix = {"ros": ".ros.yaml"}.get(format, f".export.{format}")
+    target = output or source.with_name(source.stem + suffix)
+    written = run_export(source, format, target, samples=samples)
+    screen.show(screen.Sheet({"written": str(written), "format": format}, []), json)
+    screen.say(f"written: {written}")
+
+
+def _load(name: str, assignments: Sequence[str] | None) -> Problem:
+    return problems.load(name, **_pairs(assignments, "--set"))
+
+
+def _pairs(assignments: Sequence[str] | None, option: str) -> dict[str, str]:
+    pairs: dict[str, str] = {}
+    for text in assignments or ():
+        name, equals, value = text.partition("=")
+        if not (equals and name.strip() and value.strip()):
+            raise InputError(f"{option} {text!r} is not NAME=VALUE")
+        if name.strip() in pairs:
+            raise InputError(f"{option} gives {name.strip()!r} twice; give it once")
+        pairs[name.strip()] = value.strip()
+    return pairs
+
+
+def _number(text: str, what: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise InputError(f"{what} is {text!r}; give a number") from error
+
+
+def _point(text: str | None, names: Sequence[str], option: str) -> dict[str, float] | None:
+    if text is None:
+        return None
+    numbers = [_number(part, option) for part in text.split(",")]
+    if len(numbers) != len(names):
+        raise InputError(f"{option} has {len(numbers)} numbers; give one for each of {', '.join(names)}")
+    return dict(zip(names, numbers, strict=True))
+
+
+def _verdict(checked: Audit, solved: bool = True) -> int:
+    screen.say(checked.explain())
+    return DONE if checked.proved and solved else NOT_PROVED
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Runs a command line and returns its exit code; errors become one line on stderr."""
+    command: Callable[..., Any] = typer.main.get_command(app)
+    usage_error = typer.BadParameter.__mro__[2]  # the base of all errors about options and arguments
+    try:
+        result = command(
+            args=None if arguments is None else list(arguments), prog_name="ocp-traj", standalone_mode=False
+        )
+    except OcpTrajError as error:
+        screen.say(f"error: {error}")
+        return WRONG_INPUT if isinstance(error, InputError) else NOT_PROVED
+    except KeyboardInterrupt:
+        screen.say("interrupted")
+        return INTERRUPTED
+    except (typer.Exit, typer.Abort) as stop:
+        return int(getattr(stop, "exit_code", INTERRUPTED))
+    except usage_error as error:
+        words = error.format_message() if hasattr(error, "format_message") else str(error)
+        if words:
+            screen.say(f"error: {' '.join(words.split())}; see ocp-traj --help")
+        return WRONG_INPUT
+    return result if isinstance(result, int) else DONE
+
+
+def main() -> None:
+    """Entry point of the ``ocp-traj`` script."""
+    sys.exit(run())

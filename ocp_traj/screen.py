@@ -1,0 +1,264 @@
+"""What the command line prints: sheets of tables for people, the same as one JSON object for programs."""
+
+from __future__ import annotations
+
+import json as json_module
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from ocp_traj import progress as progress_module
+from ocp_traj.audit import CHECKED, Audit, AuditRow
+from ocp_traj.front import Front, Hypervolume
+from ocp_traj.nlp import Solution
+from ocp_traj.problem import Problem
+from ocp_traj.reproduce import Reproduction
+from ocp_traj.solvers.payload import LargestPayload
+from ocp_traj.store import plain
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """What a command found: as plain values, and as tables (title, column names, rows)."""
+
+    data: Mapping[str, Any]
+    tables: Sequence[tuple[str, Sequence[str], Sequence[Sequence[Any]]]]
+
+
+def show(sheet: Sheet, json: bool) -> None:
+    """Prints a sheet on stdout."""
+    if json:
+        print(json_module.dumps(plain(dict(sheet.data))))
+        return
+    console = Console(soft_wrap=not sys.stdout.isatty())
+    for title, columns, rows in sheet.tables:
+        table = Table(title=title, title_justify="left", title_style="bold")
+        for name in columns:
+            table.add_column(name, overflow="fold")
+        for row in rows:
+            table.add_row(*(_text(value) for value in row))
+        console.print(table)
+
+
+def say(words: str) -> None:
+    """Prints a message on stderr."""
+    print(words, file=sys.stderr)
+
+
+@contextmanager
+def progress(title: str) -> Iterator[progress_module.Progress]:
+    """A progress bar on stderr while the block runs; nothing where stderr is no terminal."""
+    if not sys.stderr.isatty():
+        yield progress_module.silent
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}"), TimeElapsedColumn(),
+               TextColumn("{task.fields[words]}"))  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=None, words="")
+        yield lambda done, total, words: bar.update(task, completed=done, total=total or None, words=words)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool) or value is None:
+        return "" if value is None else ("yes" if value else "no")
+    if isinstance(value, float | np.floating):
+        return f"{value:.6g}"
+    return str(value)
+
+
+def problem_list(problems: Sequence[Problem]) -> Sheet:
+    """All problems, a line each."""
+    data = [
+        {
+            "id": p.id,
+            "title": p.title,
+            "robot": f"{p.robot.model.name}, {p.requirements.dof} joints",
+            "curve": p.curve_kind,
+            "variables": p.size,
+            "objectives": [o.id for o in p.objectives],
+            "paper": p.reference,
+        }
+        for p in problems
+    ]
+    rows = [[", ".join(v) if isinstance(v, list) else v for v in entry.values()] for entry in data]
+    return Sheet({"problems": data}, [("Problems", list(data[0]) if data else [], rows)])
+
+
+def problem_sheet(problem: Problem) -> Sheet:
+    """A problem's case, variables, objectives and limits."""
+    case = {name: getattr(problem.case, name) for name in problem.case.__dataclass_fields__}
+    variables = [
+        {"id": v.id, "label": label, "lower": float(low), "upper": float(high), "unit": v.unit, "eq": v.eq}
+        for v in problem.variables
+        for label, low, high in zip(v.labels, v.lower, v.upper, strict=True)
+    ]
+    objectives = [
+        {
+            "id": o.id,
+            "unit": o.unit,
+            "scale": o.scale,
+            "sense": o.sense,
+            "eq": o.eq,
+            "reference": problem.reference_point.get(o.id),
+        }
+        for o in problem.objectives
+    ]
+    limits = [
+        {"id": c.id, "label": label, "lower": float(low), "upper": float(high), "unit": unit, "eq": c.eq}
+        for c in problem.requirements.path_constraints
+        for label, low, high, unit in zip(c.labels, c.lower, c.upper, c.units, strict=True)
+    ]
+    points = [
+        {"id": c.id, "rows": len(c.labels), "instants": len(c.at), "tolerance": c.tolerance, "eq": c.eq}
+        for c in problem.requirements.point_constraints
+    ]
+    data = {"problem": problem.id, "title": problem.title, "paper": problem.reference, "case": case, "variables": variables,
+            "objectives": objectives, "limits": limits, "point_constraints": points,
+            "continuity": problem.requirements.continuity, "default_objective": problem.default_objective}  # fmt: skip
+    return Sheet(
+        data,
+        [
+            (f"{problem.id}: {problem.title}. {problem.reference}", ["case field", "value"], list(case.items())),
+            *(
+                (title, list(rows[0]), [list(row.values()) for row in rows])
+                for title, rows in (("Variables", variables), ("Objectives", objectives), ("Limits, at every instant", limits),
+                                    ("Point constraints", points))
+                if rows
+            ),
+        ],
+    )  # fmt: skip
+
+
+def audit_values(checked: Audit) -> dict[str, Any]:
+    """An audit as plain values."""
+    return {
+        "verdict": checked.verdict,
+        "margin": checked.margin,
+        "allowance": checked.allowance,
+        "rows": [vars(r) for r in checked.rows],
+    }
+
+
+def _audit_tables(checked: Audit) -> list[tuple[str, Sequence[str], Sequence[Sequence[Any]]]]:
+    columns = ["limit", "joint", "unit", "bound", "attained", "t [s]", "proved bound", "margin", "verdict", "boxes"]
+    proofs = [row for row in checked.rows if row.boxes]
+    checks = [row for row in checked.rows if not row.boxes]
+    tables: list[tuple[str, Sequence[str], Sequence[Sequence[Any]]]] = [
+        (f"Audit: {checked.verdict}", columns, [list(vars(row).values()) for row in proofs])
+    ]
+    if checks:
+        failed = [row for row in checks if row.verdict != CHECKED]
+        title = f"Points and continuity: {len(checks) - len(failed)} of {len(checks)} within tolerance"
+        worst: Sequence[AuditRow] = failed or sorted(checks, key=lambda row: row.margin)[:1]
+        tables.append((title, ["row", "joint", "unit", "allowed", "found", "t [s]", "verdict"],
+                       [[r.limit, r.label, r.unit, r.bound, r.attained, r.instant, r.verdict] for r in worst]))  # fmt: skip
+    return tables
+
+
+def audit_sheet(checked: Audit) -> Sheet:
+    """The rows of an audit."""
+    return Sheet(audit_values(checked), _audit_tables(checked))
+
+
+def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
+    """What a solve found."""
+    units = {o.id: o.unit for o in problem.objectives}
+    solved = solution.audit is not None
+    variables = {name: block.tolist() for name, block in problem.unpack(solution.x).items()} if solved else {}
+    data = {
+        "problem": problem.id,
+        "status": solution.status.value,
+        "objectives": dict(solution.objectives),
+        "units": units,
+        "variables": variables,
+        "seconds": solution.seconds,
+        "iterations": solution.iterations,
+        "rounds": solution.rounds,
+        "rows": solution.row_count,
+        "conflicts": [
+            {
+                "limit": c.row.limit,
+                "label": c.row.label,
+                "value": c.value,
+                "bound": c.bound,
+                "excess": c.excess,
+                "unit": c.row.unit,
+            }
+            for c in solution.conflicts
+        ],
+        "audit": audit_values(solution.audit) if solution.audit is not None else {"verdict": None, "rows": []},
+    }
+    title = f"{problem.id}: {solution.status.value} in {solution.seconds:.2f} s, {solution.rounds} rounds, {solution.iterations} iterations"
+    tables: list[tuple[str, Sequence[str], Sequence[Sequence[Any]]]] = []
+    if solution.audit is not None:
+        tables.append(
+            (title, ["objective", "value", "unit"], [[k, f"{v:.9g}", units[k]] for k, v in solution.objectives.items()])
+        )
+        rows = zip(problem.labels, solution.x, problem.units, strict=True)
+        tables.append(("Variables", ["name", "value", "unit"], [list(row) for row in rows]))
+        tables += _audit_tables(solution.audit)
+    elif solution.conflicts:
+        rows_ = [[c.row.limit, c.row.label, c.value, c.bound, c.excess, c.row.unit] for c in solution.conflicts]
+        tables.append((title, ["limit", "joint", "value", "allowed", "excess", "unit"], rows_))
+    return Sheet(data, tables)
+
+
+def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
+    """A front, as saved."""
+    table = front.table
+    hidden = {f"{label} [{unit}]" for label, unit in zip(front.problem.labels, front.problem.units, strict=True)}
+    columns = [name for name in table.columns if name not in hidden]
+    rows = [[index, *row] for index, row in zip(table.index, table[columns].to_numpy(dtype=object), strict=True)]
+    knee = front.knee()
+    data = {
+        "problem": front.problem.id,
+        "method": front.method,
+        "objectives": list(front.objectives),
+        "points": len(front),
+        "seconds": front.seconds,
+        "seed": front.seed,
+        "hypervolume": vars(volume),
+        "spread": front.spread(),
+        "knee": knee,
+        "info": dict(front.info),
+        "run": str(folder),
+        "picture": str(folder / "front.png"),
+    }
+    title = (
+        f"{front.problem.id}: {len(front)} proved points by {front.method} in {front.seconds:.1f} s; "
+        f"hypervolume {volume.value:.4f}, spread {front.spread():.3f}, knee at point {knee}"
+    )
+    return Sheet(data, [(title, ["point", *columns], rows)])
+
+
+def payload_sheet(found: LargestPayload) -> Sheet:
+    """The largest payload and what stops it."""
+    data = {
+        "payload": found.payload,
+        "unit": "kg",
+        "binding": found.binding,
+        "instant": found.instant,
+        "kind": found.kind,
+        "argument": found.argument,
+        "verdict": found.audit.verdict if found.audit is not None else None,
+    }
+    names = ["payload [kg]", "binding limit", "instant [s]", "holds for", "because"]
+    row = [f"{found.payload:.6f}", found.binding, found.instant, found.kind, found.argument]
+    return Sheet(data, [("Largest payload", names, [row])])
+
+
+def reproduction_sheet(found: Reproduction) -> Sheet:
+    """A paper's tables beside ours."""
+    tables = [
+        (title, [str(name) for name in table.columns], table.to_numpy(dtype=object).tolist())
+        for title, table in found.tables.items()
+    ]
+    return Sheet(found.to_dict(), tables)
