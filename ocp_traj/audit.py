@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from math import perm
 from typing import Any
 
 import casadi
@@ -19,10 +21,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.enclosure import MAX_SPLITS, Arcs, Pair, interleave, parabola_bound, peak_fraction
+from ocp_traj.enclosure import MAX_SPLITS, Arcs, Pair, parabola_bound, peak_fraction
 from ocp_traj.errors import InputError, ProblemDefinitionError
-from ocp_traj.evaluate import limit_on
-from ocp_traj.problem import ORDERS, PathConstraint, PointConstraint, Requirements
+from ocp_traj.problem import ORDERS, PathConstraint, PointConstraint, Requirements, derivative_order
 from ocp_traj.tape import Tape
 from ocp_traj.trajectory import Trajectory
 
@@ -32,6 +33,7 @@ ALLOWANCE = 1e-12  # of a limit's scale: a value resting exactly on its limit co
 TIGHTNESS = 1e-3  # of a limit's scale: how closely a peak is enclosed once its verdict is known
 RESOLUTION = 1e-12  # of a limit's scale or value: bounds this close to the largest value's own are not refined
 MAX_ARCS = 50_000  # a limit and trajectory
+FEW = 1024  # arcs whose halves are halved at once: a pass of the tape takes hardly longer for more of them
 BATCH = 4096  # arcs enclosed in one pass: wide enough to amortise a step of the tape, and a bound on memory
 
 PROVED, CHECKED, UNDECIDED, VIOLATED = "proved", "checked", "undecided", "violated"
@@ -155,9 +157,10 @@ def audit_all(
         prover = _Prover(trajectories, requirements, limit, allowance, tightness, max_arcs)
         for index, found in enumerate(prover.run()):
             rows[index].extend(found)
+    for point in requirements.point_constraints:
+        for index, found in enumerate(_check_points(trajectories, requirements, point)):
+            rows[index].extend(found)
     for index, trajectory in enumerate(trajectories):
-        for point in requirements.point_constraints:
-            rows[index].extend(_check_points(trajectory, requirements, point))
         rows[index].extend(_check_continuity(trajectory, requirements))
     return [Audit(tuple(found), allowance) for found in rows]
 
@@ -294,46 +297,50 @@ class _Prover:
         start, end = self._values(arcs, 0), self._values(arcs, -1)
         self._attain(arcs, 0, start)
         self._attain(arcs, -1, end)
-        pending = [(arcs, start, end, np.full_like(start[1], np.inf), 0)]
+        pending = [_Batch(arcs, start, end, np.full_like(start[1], np.inf))]
         while pending:
-            arcs, start, end, known, depth = pending.pop()
-            if len(arcs) > BATCH:
-                for part in (slice(BATCH, None), slice(None, BATCH)):
-                    pending.append((arcs.take(part), _take(start, part), _take(end, part), known[..., part], depth))
+            batch = pending.pop()
+            if len(batch.arcs) > BATCH:
+                pending += [batch.take(slice(BATCH, None)), batch.take(slice(None, BATCH))]
                 continue
-            bound, cut = self._enclose(arcs, start, end)
-            bound = np.minimum(np.where(np.isnan(bound), np.inf, bound), known)
-            self.boxes += np.bincount(arcs.owner, minlength=len(self.boxes))
-            still_open = self._open(arcs, bound)
-            keep = still_open.any(axis=(0, 1)) & (self.boxes[arcs.owner] < self.max_arcs) & (depth < MAX_SPLITS)
-            self._close(arcs.owner[~keep], bound[..., ~keep])
+            owner = batch.arcs.owner
+            bound, cut = self._enclose(batch)
+            still_open = self._open(owner, bound)
+            self.boxes += np.bincount(owner, minlength=len(self.boxes))
+            keep = still_open.any(axis=(0, 1)) & (self.boxes[owner] < self.max_arcs) & (batch.splits < MAX_SPLITS)
+            self._close(owner[~keep], bound[..., ~keep])
             if not keep.any():
                 continue
-            left, right = arcs.take(keep).split(self._cut(bound, cut, still_open, keep))
-            middle = self._values(left, -1)
-            self._attain(left, -1, middle)
-            known = bound[..., keep]
-            start, end = _alternate(_take(start, keep), middle), _alternate(middle, _take(end, keep))
-            pending.append(
-                (left.interleave(right), start, end, _alternate((known, known), (known, known))[0], depth + 1)
-            )
+            rest = batch.take(keep)
+            rest.bound = bound[..., keep]
+            rest = self._split(rest, self._where(bound, cut, still_open)[keep])
+            pending.append(self._split(rest, 0.5) if len(rest.arcs) <= FEW else rest)
 
-    def _open(self, arcs: Arcs, bound: Array) -> NDArray[np.bool_]:
+    def _split(self, batch: _Batch, at: Array | float) -> _Batch:
+        left, right = batch.arcs.split(np.broadcast_to(at, len(batch.arcs)))
+        middle = self._values(left, -1)
+        self._attain(left, -1, middle)
+        start, end = _alternate(batch.start, middle), _alternate(middle, batch.end)
+        return _Batch(left.interleave(right), start, end, np.repeat(batch.bound, 2, axis=-1), batch.splits + 1)
+
+    def _open(self, owner: NDArray[np.intp], bound: Array) -> NDArray[np.bool_]:
         """Which sides, rows and arcs need refining, and can gain by it: not decided, or not tight."""
         scale = self.scale[:, None]
         allowed = self.bound[:, :, None] + self.allowance * scale
-        attained, floor = self.attained[..., arcs.owner], self.floor[..., arcs.owner]
-        least = floor + RESOLUTION * np.maximum(scale, np.abs(floor))
+        attained, floor = self.attained[..., owner], self.floor[..., owner]
+        with np.errstate(over="ignore"):
+            least = floor + RESOLUTION * np.maximum(scale, np.abs(floor))
+            tight = np.maximum(attained + self.tightness * scale, least)
         undecided = ~(bound <= np.where(floor > allowed, least, allowed)) & ~(attained > allowed)
-        loose = ~(bound <= np.maximum(attained + self.tightness * scale, least))
+        loose = ~(bound <= tight)
         return np.asarray((undecided | loose) & np.isfinite(self.bound)[:, :, None])
 
     @staticmethod
-    def _cut(bound: Array, cut: Array, still_open: NDArray[np.bool_], keep: NDArray[np.bool_]) -> Array:
-        """Where to cut each kept arc: at the parabola's peak of the open row that reaches highest above the rest."""
-        excess = np.where(still_open, bound, -np.inf)[:, :, keep]
-        choice = np.argmax(excess.reshape(-1, excess.shape[-1]), axis=0)
-        return np.asarray(cut[:, :, keep].reshape(-1, excess.shape[-1])[choice, np.arange(excess.shape[-1])])
+    def _where(bound: Array, cut: Array, still_open: NDArray[np.bool_]) -> Array:
+        """Where to cut each arc: at the parabola's peak of the open row that reaches highest above the rest."""
+        reach = np.where(still_open, bound, -np.inf).reshape(-1, bound.shape[-1])
+        choice = np.argmax(reach, axis=0)
+        return np.asarray(cut.reshape(reach.shape)[choice, np.arange(reach.shape[1])])
 
     def _close(self, owner: NDArray[np.intp], bound: Array) -> None:
         if len(owner):
@@ -355,13 +362,13 @@ class _Prover:
         self.found[at] = 0.5 * low[side, row, chosen] + 0.5 * high[side, row, chosen]
         self.place[0][at], self.place[1][at] = arcs.segment[chosen], (arcs.a if which == 0 else arcs.b)[chosen]
 
-    def _enclose(self, arcs: Arcs, start: Pair, end: Pair) -> tuple[Array, Array]:
+    def _enclose(self, batch: _Batch) -> tuple[Array, Array]:
         """Bounds of both sides over each arc, and where to cut it."""
         if self.limit.order is not None:
-            bound = _sides(*arcs.hull(self.limit.order))[1]
-            return bound, np.full(bound.shape, 0.5)
-        curvature, width = self._curvature(arcs), arcs.width()
-        return parabola_bound(start[1], end[1], curvature, width), peak_fraction(start[1], end[1], curvature, width)
+            bound = _sides(*batch.arcs.hull(self.limit.order))[1]
+            return np.minimum(np.where(np.isnan(bound), np.inf, bound), batch.bound), np.full(bound.shape, 0.5)
+        ends = batch.start[1], batch.end[1], self._curvature(batch.arcs), batch.arcs.width()
+        return np.minimum(parabola_bound(*ends), batch.bound), peak_fraction(*ends)
 
     def _values(self, arcs: Arcs, which: int) -> Pair:
         """Bounds of both sides' values at one end of each arc."""
@@ -373,7 +380,9 @@ class _Prover:
     def _curvature(self, arcs: Arcs) -> Array:
         """Upper bounds of minus the second derivative of both sides' values over each arc."""
         x = self._stack([arcs.hull(order) for order in range(self.order + 3)], len(ORDERS) + 2)
-        rate = (np.nextafter(1.0 / arcs.duration, -np.inf)[None], np.nextafter(1.0 / arcs.duration, np.inf)[None])
+        with np.errstate(over="ignore"):
+            inverse = 1.0 / arcs.duration[None]
+            rate = np.nextafter(inverse, -np.inf), np.nextafter(inverse, np.inf)
         low, high = _where_defined(*self.curvature.enclose(x, arcs.local_time(), *self._shared(arcs), rate))
         return np.stack([-low, high])
 
@@ -416,6 +425,22 @@ class _Prover:
         )  # fmt: skip
 
 
+@dataclass
+class _Batch:
+    """Arcs with what is known of them: values at both ends, ``(2, rows, N)`` to an end, and a bound."""
+
+    arcs: Arcs
+    start: Pair
+    end: Pair
+    bound: Array
+    splits: int = 0
+
+    def take(self, which: Any) -> _Batch:
+        return _Batch(
+            self.arcs.take(which), _take(self.start, which), _take(self.end, which), self.bound[..., which], self.splits
+        )
+
+
 def _sides(lower: Array, upper: Array) -> Pair:
     """Bounds of g and -g, ``(2, rows, N)``."""
     return np.stack([lower, -upper]), np.stack([upper, -lower])
@@ -451,28 +476,53 @@ def _require_derivative(requirements: Requirements, limit: PathConstraint) -> bo
     return True
 
 
-def _check_points(trajectory: Trajectory, requirements: Requirements, point: PointConstraint) -> list[AuditRow]:
-    curve = trajectory.curve
-    nodes = [(k % curve.segments, u) for k, u in point.at]
-    values = np.concatenate([limit_on(trajectory, requirements, point, k, u) for k, u in nodes], axis=1)
-    rows = []
+def _check_points(
+    trajectories: Sequence[Trajectory], requirements: Requirements, point: PointConstraint
+) -> list[list[AuditRow]]:
+    """The rows of a point constraint, per trajectory."""
+    tape = requirements.compiled(point, "tape", lambda: Tape(requirements.function(point)))
+    highest = requirements.compiled(
+        point, "order", lambda: derivative_order(requirements.function(point), requirements.dof)
+    )
+    state = np.zeros((len(ORDERS), requirements.dof, len(trajectories), len(point.at)))
+    for i, trajectory in enumerate(trajectories):
+        for j, (segment, u) in enumerate(point.at):
+            if not -trajectory.curve.segments <= segment < trajectory.curve.segments:
+                raise InputError(
+                    f"point constraint {point.id!r} is on segment {segment}; the trajectory has segments 0 to "
+                    f"{trajectory.curve.segments - 1}"
+                )
+            for order in range(highest + 1):
+                state[order, :, i, j] = trajectory.curve.at(segment, u, order)[0]
+    columns = state.reshape(len(ORDERS) * requirements.dof, -1)
+    u = np.tile([u for _, u in point.at], len(trajectories))[None]
+    p = np.array([[t.parameters[name] for t in trajectories for _ in point.at] for name in requirements.parameters])
+    p = p.reshape(len(requirements.parameters), columns.shape[1])
+    values = tape.evaluate(columns, u, p, np.zeros((0, 1)))[0].reshape(-1, len(trajectories), len(point.at))
+    return [_point_rows(trajectory, point, values[:, i]) for i, trajectory in enumerate(trajectories)]
+
+
+def _point_rows(trajectory: Trajectory, point: PointConstraint, values: Array) -> list[AuditRow]:
+    curve, rows = trajectory.curve, []
     for i, label in enumerate(point.labels):
-        excess = np.maximum(values[i] - point.upper[:, i], point.lower[:, i] - values[i])
-        worst = int(np.argmax(np.where(np.isnan(excess), np.inf, excess)))
-        k, local = nodes[worst]
-        above = values[i, worst] >= 0.5 * (point.lower[worst, i] + point.upper[worst, i])
-        verdict = CHECKED if excess[worst] <= point.tolerance else VIOLATED
+        lower, upper = point.lower[:, i], point.upper[:, i]
+        over, under = values[i] - upper, lower - values[i]
+        excess = np.maximum(over, under)
+        excess = np.where(np.isnan(excess), np.inf, excess)
+        worst = int(np.argmax(excess))
+        segment, local = point.at[worst]
+        value, segment = float(values[i, worst]), segment % curve.segments
         rows.append(
             AuditRow(
                 point.id,
                 label,
                 point.units[i],
-                float((point.upper if above else point.lower)[worst, i]),
-                float(values[i, worst]),
-                float(curve.knots[k] + local * curve.durations[k]),
-                float(values[i, worst]),
-                float(1.0 - max(excess[worst], 0.0) / point.tolerance),
-                verdict,
+                float((lower if under[worst] > over[worst] else upper)[worst]),
+                value,
+                float(curve.knots[segment] + local * curve.durations[segment]),
+                value,
+                1.0 - max(float(excess[worst]), 0.0) / point.tolerance,
+                CHECKED if excess[worst] <= point.tolerance else VIOLATED,
                 0,
             )  # fmt: skip
         )
@@ -480,29 +530,35 @@ def _check_points(trajectory: Trajectory, requirements: Requirements, point: Poi
 
 
 def _check_continuity(trajectory: Trajectory, requirements: Requirements) -> list[AuditRow]:
-    """Jumps across inner knots, relative to the largest value of the derivative: at most 1e-9."""
+    """Jumps across inner knots: at most 1e-9 of the largest value of the derivative, beside what rounding makes of it."""
     curve: PiecewiseBezier = trajectory.curve
-    rows = []
+    rows: list[AuditRow] = []
+    if curve.segments == 1:
+        return rows
+    largest = np.array([np.abs(points).max(axis=0) for points in curve.control_points])
+    degrees = np.array(curve.degrees)
     for order in range(requirements.continuity + 1):
-        jumps = np.abs(curve.jump(order))
-        if not jumps.size:
-            break
-        low, high = curve.hull(order)
-        size = np.maximum(np.maximum(-low, high).max(axis=0), np.finfo(float).tiny)
+        hodographs = [curve.hodograph(k, order) for k in range(curve.segments)]
+        jumps = np.array([np.abs(b[0] - a[-1]) for a, b in pairwise(hodographs)])
+        size = np.max([np.abs(points).max(axis=0) for points in hodographs], axis=0)
+        # Of a sum of n + 1 control points with weights whose sizes sum to 2^m n! / (n - m)!, over T^m.
+        weight = np.array([2.0**order * perm(n, order) for n in curve.degrees]) / curve.durations**order
+        rounding = ((degrees + 2) * np.finfo(float).eps * weight)[:, None] * largest
+        bounds = 1e-9 * size + rounding[:-1] + rounding[1:] + np.finfo(float).tiny
         for j, joint in enumerate(requirements.joints):
-            k = int(np.argmax(jumps[:, j]))
-            bound = 1e-9 * float(size[j])
+            k = int(np.argmax(jumps[:, j] / bounds[:, j]))
+            jump, bound = float(jumps[k, j]), float(bounds[k, j])
             rows.append(
                 AuditRow(
                     f"continuity of {ORDERS[order]}",
                     joint,
                     requirements.joint_units[j] + ("", "/s", "/s2", "/s3", "/s4")[order],
                     bound,
-                    float(jumps[k, j]),
+                    jump,
                     float(curve.knots[k + 1]),
-                    float(jumps[k, j]),
-                    float((bound - jumps[k, j]) / bound),
-                    CHECKED if jumps[k, j] <= bound else VIOLATED,
+                    jump,
+                    (bound - jump) / bound,
+                    CHECKED if jump <= bound else VIOLATED,
                     0,
                 )  # fmt: skip
             )

@@ -37,13 +37,10 @@ def basis(degree: int, u: Any) -> Any:
         ``(N, n + 1)``, of the same kind as ``u``.
     """
     if isinstance(u, casadi.SX | casadi.MX):
-        one = u**0
-        powers = [
-            comb(degree, i) * u**i * (1 - u) ** (degree - i) if 0 < i < degree else None for i in range(degree + 1)
-        ]
-        powers[0] = (1 - u) ** degree if degree else one
-        powers[-1] = u**degree if degree else one
-        return casadi.horzcat(*powers)
+        symbol: Any = u
+        left = [(1.0 - symbol) ** i if i else symbol**0 for i in range(degree + 1)]
+        right = [symbol**i if i else 1.0 for i in range(degree + 1)]
+        return casadi.horzcat(*(comb(degree, i) * right[i] * left[degree - i] for i in range(degree + 1)))
     instants = np.atleast_1d(np.asarray(u, dtype=float))
     return np.stack(
         [comb(degree, i) * instants**i * (1.0 - instants) ** (degree - i) for i in range(degree + 1)], axis=1
@@ -58,7 +55,7 @@ def product(matrix: Any, points: Points) -> Any:
 
 
 def difference_matrix(degree: int, order: int) -> Array:
-    """Maps control points to those of the derivative for a unit duration: n!/(n - m)! Delta^m, ``(n - m + 1, n + 1)``."""
+    """Maps control points to those of the derivative over a unit time: n!/(n - m)! Delta^m, ``(n - m + 1, n + 1)``."""
     if order > degree:
         return np.zeros((1, degree + 1))
     delta = np.diff(np.eye(degree + 1), n=order, axis=0) if order else np.eye(degree + 1)
@@ -125,7 +122,8 @@ class PiecewiseBezier:
         object.__setattr__(self, "control_points", tuple(self.control_points))
         if not self.control_points or self.durations.shape[0] != len(self.control_points):
             raise ProblemDefinitionError(
-                f"a curve needs one duration per segment: {self.durations.shape[0]} durations, {len(self.control_points)} segments"
+                f"a curve needs one duration per segment: {self.durations.shape[0]} durations, "
+                f"{len(self.control_points)} segments"
             )
         widths = {points.shape[1] for points in self.control_points}
         if len(widths) != 1:
@@ -231,7 +229,7 @@ class PiecewiseBezier:
         return np.array([p.min(axis=0) for p in hodographs]), np.array([p.max(axis=0) for p in hodographs])
 
     def extrema(self, order: int = 0) -> tuple[Extremum, ...]:
-        """Exact extrema of the order-th derivative, one per joint: ends of segments and roots of the next derivative."""
+        """Exact extrema of the order-th derivative, one per joint: segment ends and roots of the next derivative."""
         candidates: list[tuple[Array, Array]] = []  # (times (M, dof), values (M, dof)); NaN where there is no root
         for k in range(self.segments):
             points = self.hodograph(k, order)

@@ -115,7 +115,10 @@ def pareto(
     force: Annotated[bool, typer.Option(help="Replace an existing run.")] = False,
     json: AsJson = False,
 ) -> int:
-    """Traces a Pareto front, every point proved.  Example: ocp-traj pareto hybrid-spline --objectives time,energy -o runs/a."""
+    """Traces a Pareto front, every point proved.
+
+    Example: ocp-traj pareto hybrid-spline --objectives time,energy -o runs/a
+    """
     chosen = _load(problem, set_)
     names = tuple(name.strip() for name in objectives.split(",") if name.strip())
     corners = [_point(text, names, what) for text, what in ((reference, "--reference"), (ideal, "--ideal"))]
@@ -268,7 +271,8 @@ def _verdict(checked: Audit, solved: bool = True) -> int:
 def run(arguments: Sequence[str] | None = None) -> int:
     """Runs a command line and returns its exit code; errors become one line on stderr."""
     command: Callable[..., Any] = typer.main.get_command(app)
-    usage_error = typer.BadParameter.__mro__[2]  # the base of all errors about options and arguments
+    # The base of all errors about options and arguments; typer does not export it.
+    usage_error: type[Exception] = typer.BadParameter.__mro__[2]
     try:
         result = command(
             args=None if arguments is None else list(arguments), prog_name="ocp-traj", standalone_mode=False

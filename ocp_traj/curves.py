@@ -20,8 +20,8 @@ def cubic_spline_free_ends(via_points: ArrayLike, intervals: Any) -> PiecewiseBe
 
     Two extra knots, the second and the last but one, have free positions, which is what lets a cubic spline meet four
     more end conditions: q_2 = q_1 + h_1^2 a_2 / 6 and q_{m-1} = q_m + h_{m-1}^2 a_{m-1} / 6. Guo et al. (2016),
-    sect. 3.2 (and Lin, Chang and Luh, 1983, who introduced it). The knot accelerations a_2 .. a_{m-1} solve one tridiagonal
-    system; its pivots stay positive for positive intervals, so elimination needs no exchange of rows.
+    sect. 3.2 (and Lin, Chang and Luh, 1983, who introduced it). The knot accelerations a_2 .. a_{m-1} solve one
+    tridiagonal system; its pivots stay positive for positive intervals, so elimination needs no exchange of rows.
 
     Args:
         via_points: ``(m - 2, dof)`` with m >= 5, joint units.
@@ -36,20 +36,21 @@ def cubic_spline_free_ends(via_points: ArrayLike, intervals: Any) -> PiecewiseBe
     h = casadi.vertsplit(intervals) if symbolic else list(np.asarray(intervals, dtype=float))
     if points.shape[0] < 3 or len(h) != count:
         raise ProblemDefinitionError(
-            f"a spline with free end knots needs at least 3 via points and one interval more; got {points.shape[0]} and {len(h)}"
+            f"a spline with free end knots needs at least 3 via points and one interval more; "
+            f"got {points.shape[0]} and {len(h)}"
         )
     rows = [casadi.SX(p).T if symbolic else p for p in points]
     first, last, inner = rows[0], rows[-1], rows[1:-1]
-    slopes = np.diff(points, axis=0)
-    # Secants between the knots whose positions are known; the free knots are substituted below.
-    secants = [0.0 * slopes[0], *slopes, 0.0 * slopes[0]]
+    steps = np.diff(points, axis=0)
+    # Steps between the knots whose positions are known; the free knots are substituted below.
+    between: list[Any] = [0.0 * steps[0], *steps, 0.0 * steps[0]]
 
     # Row i couples accelerations at knots i, i+1, i+2 (counted from 0): the usual spline condition.
     lower = [h[i] for i in range(count - 1)]
     diagonal = [2.0 * (h[i] + h[i + 1]) for i in range(count - 1)]
     upper = [h[i + 1] for i in range(count - 1)]
-    right = [(casadi.SX(s1).T if symbolic else s1) * (6.0 / h[i + 1]) - (casadi.SX(s0).T if symbolic else s0) * (6.0 / h[i])
-             for i, (s0, s1) in enumerate(zip(secants[:-1], secants[1:], strict=True))]  # fmt: skip
+    between = [casadi.SX(s).T if symbolic else s for s in between]
+    right = [between[i + 1] * (6.0 / h[i + 1]) - between[i] * (6.0 / h[i]) for i in range(count - 1)]
     # The free knots' displacements h_1^2 a_2 / 6 and h_{m-1}^2 a_{m-1} / 6 move to the left-hand side.
     diagonal[0] += h[0] + h[0] ** 2 / h[1]
     lower[1] -= h[0] ** 2 / h[1]

@@ -33,7 +33,7 @@ def limit_on(
 def limit_along(
     trajectory: Trajectory, requirements: Requirements, limit: PathConstraint, per_segment: int = 50
 ) -> tuple[Array, Array]:
-    """Times ``(N,)`` [s] and values ``(rows, N)`` of a limit over a whole trajectory; inner knots appear once a side."""
+    """Times ``(N,)`` [s] and values ``(rows, N)`` of a limit over a trajectory; inner knots appear once a side."""
     u = np.linspace(0.0, 1.0, per_segment)
     curve = trajectory.curve
     times = np.concatenate([curve.knots[k] + u * curve.durations[k] for k in range(curve.segments)])

@@ -123,6 +123,7 @@ def _even(increasing: Operation) -> Operation:
 
 
 def scaling(factor: float) -> Operation:
+    """Extension of x -> factor x, for a finite factor that is not zero."""
     return lambda x: _outward((x if factor > 0.0 else x[::-1]) * factor, _NEXT)
 
 
@@ -201,6 +202,7 @@ _multiply, _divide, _atan2 = _corners(np.multiply, _NEXT), _corners(np.divide, _
 _exp, _log = _increasing(np.exp, image=(0.0, np.inf)), _increasing(np.log, domain=(0.0, np.inf))
 _acos_of_minus = _increasing(lambda x: np.arccos(-x), domain=(-1.0, 1.0), image=(0.0, _PI))
 
+# Extensions by operation code.
 INTERVAL: dict[int, Operation] = operation_table(
     ASSIGN=lambda x: x, NEG=lambda x: -x[::-1], FABS=_magnitude, FMIN=np.minimum, FMAX=np.maximum,
     ADD=lambda x, y: _outward(x + y, _NEXT), SUB=lambda x, y: _outward(x - y[::-1], _NEXT), MUL=_multiply,

@@ -196,4 +196,5 @@ class Solution:
         if self.status is Status.INFEASIBLE and self.conflicts:
             worst = "; ".join(str(conflict) for conflict in self.conflicts[:6])
             return f"{self.name}: no trajectory meets these limits together: {worst}"
-        return f"{self.name}: {self.status.value} after {self.iterations} iterations, violation {self.violation:.3g} ({self.detail})"
+        effort = f"after {self.iterations} iterations, violation {self.violation:.3g}"
+        return f"{self.name}: {self.status.value} {effort} ({self.detail})"

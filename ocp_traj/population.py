@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.bernstein import basis, difference_matrix
 from ocp_traj.errors import InputError
-from ocp_traj.problem import ORDERS, Objective, PathConstraint, Problem
+from ocp_traj.problem import ORDERS, PathConstraint, Problem
 from ocp_traj.tape import Tape
 from ocp_traj.transcription import (
     curve_function,
@@ -33,8 +33,8 @@ class Evaluation:
 
     Attributes:
         objectives: ``(N, objectives asked for)``, in their own sense and unit.
-        violations: of each row of each path limit ``(N, rows)``: largest excess over the instants in units of the limit's
-            scale, <= 0 where met. NaN becomes inf: an individual that cannot be evaluated is infeasible.
+        violations: of each row of each path limit ``(N, rows)``: largest excess over the instants in units of the
+            limit's scale, <= 0 where met. NaN becomes inf: an individual that cannot be evaluated is infeasible.
     """
 
     objectives: Array

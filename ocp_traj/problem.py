@@ -49,7 +49,8 @@ Expression = Callable[[State], Any]
 def _symbols(dof: int, parameters: int, constants: int) -> tuple[State, list[Any]]:
     stacked = casadi.SX.sym("x", dof * len(ORDERS))
     u, p, c = casadi.SX.sym("u"), casadi.SX.sym("p", parameters), casadi.SX.sym("c", constants)
-    return State(*casadi.vertsplit(stacked, dof), u, p, c), [stacked, u, p, c]
+    q, v, a, jerk, snap = casadi.vertsplit(stacked, dof)
+    return State(q, v, a, jerk, snap, u, p, c), [stacked, u, p, c]
 
 
 def state_function(name: str, expression: Expression, dof: int, parameters: int, constants: int = 0) -> Any:
@@ -99,12 +100,14 @@ class Variable:
         object.__setattr__(self, "upper", upper)
         if lower.shape != upper.shape or lower.shape != (len(self.labels),):
             raise ProblemDefinitionError(
-                f"variable {self.id!r}: bounds {lower.shape} and {upper.shape} for {len(self.labels)} labels; one of each per label"
+                f"variable {self.id!r}: bounds {lower.shape} and {upper.shape} for {len(self.labels)} labels; "
+                "give one of each per label"
             )
         for label, low, high in zip(self.labels, lower, upper, strict=True):
             if not low <= high:
                 raise ProblemDefinitionError(
-                    f"variable {self.id!r}: the bounds of {label} are empty, lower {low:.9g} > upper {high:.9g} {self.unit}; widen them"
+                    f"variable {self.id!r}: the bounds of {label} are empty, lower {low:.9g} > upper {high:.9g} "
+                    f"{self.unit}; widen them"
                 )
 
 
@@ -300,11 +303,11 @@ class Requirements:
 
     def __post_init__(self) -> None:
         """Checks that ids are unique and that every expression has the shape of its labels."""
-        ids = [c.id for c in (*self.path_constraints, *self.point_constraints)]
-        for name in ids:
-            if ids.count(name) > 1:
-                raise ProblemDefinitionError(f"limit id {name!r} is used {ids.count(name)} times; ids are unique")
-        for limit in (*self.path_constraints, *self.point_constraints):
+        limits: list[PathConstraint | PointConstraint] = [*self.path_constraints, *self.point_constraints]
+        for name in self.ids:
+            if self.ids.count(name) > 1:
+                raise ProblemDefinitionError(f"limit id {name!r} is used {self.ids.count(name)} times; ids are unique")
+        for limit in limits:
             rows = self.function(limit).numel_out(0)
             if rows != len(limit.labels):
                 raise ProblemDefinitionError(
@@ -315,6 +318,11 @@ class Requirements:
     def dof(self) -> int:
         """Number of joints."""
         return len(self.joints)
+
+    @property
+    def ids(self) -> list[str]:
+        """Ids of all limits."""
+        return [*(c.id for c in self.path_constraints), *(c.id for c in self.point_constraints)]
 
     def function(self, limit: PathConstraint | PointConstraint) -> Any:
         """The limit's compiled expression, built once; see ``state_function``."""
@@ -383,7 +391,7 @@ class Problem:
     def __post_init__(self) -> None:
         """Checks ids, terms and the curve's joints."""
         names = [objective.id for objective in self.objectives]
-        taken = names + [c.id for c in (*self.requirements.path_constraints, *self.requirements.point_constraints)]
+        taken = [*names, *self.requirements.ids]
         for name in taken:
             if taken.count(name) > 1:
                 raise ProblemDefinitionError(

@@ -1,4 +1,4 @@
-"""What long work says while it runs: a function that is told how far it is. The command line shows it, a test records it."""
+"""What long work says while it runs: a function that is told how far it is."""
 
 from __future__ import annotations
 

@@ -122,8 +122,11 @@ class GoalAttainment:
         _check(self.weights, "the weight", positive=True)
         if set(self.goals) != set(self.weights):
             raise InputError(
-                f"goal attainment needs a goal and a weight for each objective; got {sorted(self.goals)} and {sorted(self.weights)}"
+                f"goal attainment needs a goal and a weight for each objective; got {sorted(self.goals)} "
+                f"and {sorted(self.weights)}"
             )
+        if not any(w > 0.0 for w in self.weights.values()):
+            raise InputError(f"goal attainment needs at least one positive weight; got {dict(self.weights)}")
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from ocp_traj import progress as progress_module
 from ocp_traj.audit import CHECKED, Audit, AuditRow
@@ -24,13 +26,17 @@ from ocp_traj.reproduce import Reproduction
 from ocp_traj.solvers.payload import LargestPayload
 from ocp_traj.store import plain
 
+WIDE = 160  # columns of a table that does not go to a terminal
+
+Rows = tuple[str, Sequence[str], Sequence[Sequence[Any]]]  # title, column names, rows
+
 
 @dataclass(frozen=True)
 class Sheet:
-    """What a command found: as plain values, and as tables (title, column names, rows)."""
+    """What a command found: as plain values, and as tables."""
 
     data: Mapping[str, Any]
-    tables: Sequence[tuple[str, Sequence[str], Sequence[Sequence[Any]]]]
+    tables: Sequence[Rows]
 
 
 def show(sheet: Sheet, json: bool) -> None:
@@ -38,13 +44,13 @@ def show(sheet: Sheet, json: bool) -> None:
     if json:
         print(json_module.dumps(plain(dict(sheet.data))))
         return
-    console = Console(soft_wrap=not sys.stdout.isatty())
+    console = Console(width=None if sys.stdout.isatty() else WIDE)
     for title, columns, rows in sheet.tables:
-        table = Table(title=title, title_justify="left", title_style="bold")
+        table = Table(title=Text(title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
         for name in columns:
-            table.add_column(name, overflow="fold")
+            table.add_column(Text(name), overflow="fold")  # as Text: brackets are units, not markup
         for row in rows:
-            table.add_row(*(_text(value) for value in row))
+            table.add_row(*(Text(_text(value)) for value in row))
         console.print(table)
 
 
@@ -59,8 +65,9 @@ def progress(title: str) -> Iterator[progress_module.Progress]:
     if not sys.stderr.isatty():
         yield progress_module.silent
         return
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}"), TimeElapsedColumn(),
-               TextColumn("{task.fields[words]}"))  # fmt: skip
+    count = TextColumn("{task.completed}/{task.total}")
+    words_column = TextColumn("{task.fields[words]}")
+    columns = (TextColumn("{task.description}"), BarColumn(), count, TimeElapsedColumn(), words_column)
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=None, words="")
         yield lambda done, total, words: bar.update(task, completed=done, total=total or None, words=words)
@@ -70,7 +77,7 @@ def _text(value: Any) -> str:
     if isinstance(value, bool) or value is None:
         return "" if value is None else ("yes" if value else "no")
     if isinstance(value, float | np.floating):
-        return f"{value:.6g}"
+        return f"{value:.5g}"
     return str(value)
 
 
@@ -120,21 +127,29 @@ def problem_sheet(problem: Problem) -> Sheet:
         {"id": c.id, "rows": len(c.labels), "instants": len(c.at), "tolerance": c.tolerance, "eq": c.eq}
         for c in problem.requirements.point_constraints
     ]
-    data = {"problem": problem.id, "title": problem.title, "paper": problem.reference, "case": case, "variables": variables,
-            "objectives": objectives, "limits": limits, "point_constraints": points,
-            "continuity": problem.requirements.continuity, "default_objective": problem.default_objective}  # fmt: skip
-    return Sheet(
-        data,
-        [
-            (f"{problem.id}: {problem.title}. {problem.reference}", ["case field", "value"], list(case.items())),
-            *(
-                (title, list(rows[0]), [list(row.values()) for row in rows])
-                for title, rows in (("Variables", variables), ("Objectives", objectives), ("Limits, at every instant", limits),
-                                    ("Point constraints", points))
-                if rows
-            ),
-        ],
-    )  # fmt: skip
+    data = {
+        "problem": problem.id,
+        "title": problem.title,
+        "paper": problem.reference,
+        "case": case,
+        "variables": variables,
+        "objectives": objectives,
+        "limits": limits,
+        "point_constraints": points,
+        "continuity": problem.requirements.continuity,
+        "default_objective": problem.default_objective,
+    }
+    headline = f"{problem.id}: {problem.title}. {problem.reference}"
+    tables: list[Rows] = [(headline, ["case field", "value"], list(case.items()))]
+    for title, rows in (
+        ("Variables", variables),
+        ("Objectives", objectives),
+        ("Limits, at every instant", limits),
+        ("Point constraints", points),
+    ):
+        if rows:
+            tables.append((title, list(rows[0]), [list(row.values()) for row in rows]))
+    return Sheet(data, tables)
 
 
 def audit_values(checked: Audit) -> dict[str, Any]:
@@ -147,19 +162,24 @@ def audit_values(checked: Audit) -> dict[str, Any]:
     }
 
 
-def _audit_tables(checked: Audit) -> list[tuple[str, Sequence[str], Sequence[Sequence[Any]]]]:
-    columns = ["limit", "joint", "unit", "bound", "attained", "t [s]", "proved bound", "margin", "verdict", "boxes"]
+def _audit_tables(checked: Audit) -> list[Rows]:
+    columns = ["limit", "joint", "unit", "bound", "attained", "t [s]", "margin", "verdict"]
     proofs = [row for row in checked.rows if row.boxes]
     checks = [row for row in checked.rows if not row.boxes]
-    tables: list[tuple[str, Sequence[str], Sequence[Sequence[Any]]]] = [
-        (f"Audit: {checked.verdict}", columns, [list(vars(row).values()) for row in proofs])
+    tables: list[Rows] = [
+        (
+            f"Audit: {checked.verdict}",
+            columns,
+            [[r.limit, r.label, r.unit, r.bound, r.attained, r.instant, r.margin, r.verdict] for r in proofs],
+        )
     ]
     if checks:
         failed = [row for row in checks if row.verdict != CHECKED]
         title = f"Points and continuity: {len(checks) - len(failed)} of {len(checks)} within tolerance"
         worst: Sequence[AuditRow] = failed or sorted(checks, key=lambda row: row.margin)[:1]
-        tables.append((title, ["row", "joint", "unit", "allowed", "found", "t [s]", "verdict"],
-                       [[r.limit, r.label, r.unit, r.bound, r.attained, r.instant, r.verdict] for r in worst]))  # fmt: skip
+        names = ["row", "joint", "unit", "allowed", "found", "t [s]", "verdict"]
+        rows = [[r.limit, r.label, r.unit, r.bound, r.attained, r.instant, r.verdict] for r in worst]
+        tables.append((title, names, rows))
     return tables
 
 
@@ -196,8 +216,9 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         ],
         "audit": audit_values(solution.audit) if solution.audit is not None else {"verdict": None, "rows": []},
     }
-    title = f"{problem.id}: {solution.status.value} in {solution.seconds:.2f} s, {solution.rounds} rounds, {solution.iterations} iterations"
-    tables: list[tuple[str, Sequence[str], Sequence[Sequence[Any]]]] = []
+    effort = f"{solution.seconds:.2f} s, {solution.rounds} rounds, {solution.iterations} iterations"
+    title = f"{problem.id}: {solution.status.value} in {effort}"
+    tables: list[Rows] = []
     if solution.audit is not None:
         tables.append(
             (title, ["objective", "value", "unit"], [[k, f"{v:.9g}", units[k]] for k, v in solution.objectives.items()])

@@ -1,16 +1,16 @@
 """Cubic splines for a 5-DOF hybrid robot with a payload. Guo et al. (2016), Shock and Vibration, 1302537.
 
-Decision variables  the 12 intervals h between 13 knots [s]; the payload [kg] if it is freed           sect. 3.2, 5
-Curve               cubic splines through 11 via points, at rest at both ends, two free end knots     (130)-(143)
-Objectives          travel time z1, energy z2, jerk z3, acceleration z4, and their weighted sum Fc    (112)-(116), (153), (154)
-Subject to          position (118), velocity (119), acceleration (120), jerk (121), force (122), all for all t; Table 2
+Decision variables  the 12 intervals h between 13 knots [s]; the payload [kg] if it is freed      sect. 3.2, 5
+Curve               cubic splines through 11 via points, at rest at both ends, two free end knots  (130)-(143)
+Objectives          time z1, energy z2, jerk z3, acceleration z4, their weighted sum Fc  (112)-(116), (153), (154)
+Subject to          position (118), velocity (119), acceleration (120), jerk (121), force (122) for all t; Table 2
 Deviations
-  The payload is a point mass at the tool frame, so its weight is a force of gravity. The paper's own numbers follow from a
-  constant force along the tool's axis instead: ``convention="paper-literal"``, which also sums |U||v| before squaring.
+  The payload is a point mass at the tool frame, so its weight is a force of gravity. The paper's own numbers follow
+  from a constant force along the tool's axis: ``convention="paper-literal"``, which also sums |U||v| before squaring.
   Jerk limits of joints 1-3 are 100 m/s^3 (Table 2 prints 100 000 m/s^3, meant are mm). Z0 points down.
-  Row 6 of Table 6 must read X_S3 = 226.38; rows 2 and 12 follow from h and are no data. (60) and (67) mix frames, (30) and
-  (31) lack a division of A1 by L3. The yaw range below (7) is a limit as well. Bounds on h: (152) where an interval has
-  a given displacement, else ``min_interval`` (our choice), and ``max_interval`` (our choice).
+  Row 6 of Table 6 must read X_S3 = 226.38; rows 2 and 12 follow from h and are no data. (60) and (67) mix frames, (30)
+  lacks a division of A1 by L3. The yaw range below (7) is a limit as well. Bounds on h: (152) where an interval has a
+  given displacement, else ``min_interval`` (our choice), and ``max_interval`` (our choice).
 """
 
 from __future__ import annotations
@@ -81,7 +81,8 @@ class Guo2016:
             or not any(self.weights)
         ):
             raise InputError(
-                f"weights are {self.weights}; give four numbers, zero or more and not all zero: time, energy, jerk, acceleration"
+                f"weights are {self.weights}; give four numbers, zero or more and not all zero: "
+                "time, energy, jerk, acceleration"
             )
         if not 0.0 < self.min_interval < self.max_interval < np.inf:
             raise InputError(
@@ -98,11 +99,31 @@ LP = 0.225 - (0.180 + sqrt(2.0) * 0.080 + E)
 
 # Table 4: mass [kg], inertia about the centre of mass [kg mm^2], centre of mass [mm].
 TABLE_4 = (
-    (83.025, ((5095170.782, -61.008, 1019.065), (-61.008, 3291706.841, -15.858), (1019.065, -15.858, 2367692.766)), (0, 0, -44.182)),
-    (21.333, ((1475990.573, -3970.014, -748196.633), (-3970.014, 2366543.574, -8327.223), (-748196.633, -8327.223, 911968.216)), (-304.563, -1.306, -278.925)),
-    (8.022, ((142265.977, -0.114, 0.002), (-0.114, 45016.139, 46002.096), (0.002, 46002.096, 109393.601)), (0, -63.686, -468.138)),
-    (9.120, ((119573.680, 27.342, -0.849), (27.342, 36160.108, -18452.465), (-0.849, -18452.465, 94076.578)), (0, -52.909, -261.241)),
-)  # fmt: skip
+    (
+        83.025,
+        ((5095170.782, -61.008, 1019.065), (-61.008, 3291706.841, -15.858), (1019.065, -15.858, 2367692.766)),
+        (0.0, 0.0, -44.182),
+    ),
+    (
+        21.333,
+        (
+            (1475990.573, -3970.014, -748196.633),
+            (-3970.014, 2366543.574, -8327.223),
+            (-748196.633, -8327.223, 911968.216),
+        ),
+        (-304.563, -1.306, -278.925),
+    ),
+    (
+        8.022,
+        ((142265.977, -0.114, 0.002), (-0.114, 45016.139, 46002.096), (0.002, 46002.096, 109393.601)),
+        (0.0, -63.686, -468.138),
+    ),
+    (
+        9.120,
+        ((119573.680, 27.342, -0.849), (27.342, 36160.108, -18452.465), (-0.849, -18452.465, 94076.578)),
+        (0.0, -52.909, -261.241),
+    ),
+)
 
 # Table 2, SI.
 LIMITS = Limits(
@@ -178,11 +199,11 @@ def inverse_kinematics(position: ArrayLike, axis: ArrayLike) -> Array:
     middle = p[:, 0] + E * np.cos(alpha + phi4) - L3 * np.cos(alpha) - LP * a[:, 0]
     half = 0.5 * L1 * np.tan(alpha)
     lift = p[:, 2] - (L2 + L4 + sqrt(2.0) * L5 + L01 + E + az * LP)
-    return np.stack([middle - half, middle + half, lift, phi4, phi5], axis=1)
+    return np.asarray(np.stack([middle - half, middle + half, lift, phi4, phi5], axis=1))
 
 
 def task_points() -> tuple[Array, Array]:
-    """Positions ``(11, 3)`` [m] of (156) and tool axes ``(11, 3)``: normal to the curve, in its vertical plane, a_z > 0."""
+    """Positions ``(11, 3)`` [m] of (156), tool axes ``(11, 3)``: normal to the curve in its vertical plane, a_z > 0."""
     eta = np.arange(11.0)
     x, y = 600.0 + 40.0 * eta, -150.0 + 30.0 * eta
     z = (y - 100.0) ** 2 / 20.0**2 - x**2 / 80.0**2 + 1100.0
@@ -213,7 +234,7 @@ def build(case: Guo2016 | None = None) -> Problem:
         power = force(s) * s.v
         return casadi.sum1(casadi.fabs(power)) ** 2 if literal else casadi.sumsqr(power)
 
-    steps = np.abs(np.diff(points, axis=0)) / np.array(LIMITS.velocity)[-1]
+    steps = np.abs(np.diff(points, axis=0)) / LIMITS.velocity[1]
     lower = np.full(12, case.min_interval)
     lower[2:-2] = steps.max(axis=1)[1:-1]  # (152)
     intervals = Variable("h", lower, np.full(12, case.max_interval), "s", tuple(f"h{i}" for i in range(1, 13)), "(152)")
@@ -253,23 +274,22 @@ def build(case: Guo2016 | None = None) -> Problem:
         h = np.clip(h, lower, case.max_interval)
         return np.append(h, rng.uniform(0.0, min(10.0, case.max_payload))) if case.free_payload else h
 
+    kinds = (
+        ("position", "(118)", ""),
+        ("velocity", "(119)", "/s"),
+        ("acceleration", "(120)", "/s2"),
+        ("jerk", "(121)", "/s3"),
+    )
     limits = [
-        PathConstraint.on_derivative(f"{name}-limit", order, *LIMITS.bounds(name), units, JOINTS, eq)
-        for order, (name, eq) in enumerate(
-            [("position", "(118)"), ("velocity", "(119)"), ("acceleration", "(120)"), ("jerk", "(121)")]
+        PathConstraint.on_derivative(
+            f"{name}-limit", order, *getattr(LIMITS, name), [unit + per for unit in UNITS], JOINTS, eq
         )
-        for units in [tuple(unit + ("", "/s", "/s2", "/s3")[order] for unit in UNITS)]
+        for order, (name, eq, per) in enumerate(kinds)
     ]
-    limits.append(
-        PathConstraint(
-            "force", force, *LIMITS.bounds("effort"), machine.effort_units, ("F1", "F2", "F3", "tau4", "tau5"), "(122)"
-        )
-    )
-    limits.append(
-        PathConstraint(
-            "yaw", lambda s: s.q[1] - s.q[0], np.array([-L1]), np.array([L1]), ("m",), ("X_S2 - X_S1",), "(7)"
-        )
-    )
+    forces = ("F1", "F2", "F3", "tau4", "tau5")
+    limits.append(PathConstraint("force", force, *LIMITS.effort, machine.effort_units, forces, "(122)"))
+    yaw = np.array([L1])
+    limits.append(PathConstraint("yaw", lambda s: s.q[1] - s.q[0], -yaw, yaw, ("m",), ("X_S2 - X_S1",), "(7)"))
     rest = PointConstraint(
         "rest", lambda s: casadi.vertcat(s.v, s.a), ((0, 0.0), (-1, 1.0)), np.zeros(10), np.zeros(10),
         tuple(f"{u}/s" for u in UNITS) + tuple(f"{u}/s2" for u in UNITS),

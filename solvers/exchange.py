@@ -72,7 +72,7 @@ class Exchange:
     def solve(
         self, problem: Problem, scalarisation: Scalarisation, x0: Array, warm: Solution | None = None
     ) -> Solution:
-        """Solves from ``x0 (n,)``; ``warm`` is an earlier solution of this problem, whose rows and multipliers are reused.
+        """Solves from ``x0 (n,)``; ``warm`` is an earlier solution of this problem, whose multipliers are reused.
 
         Returns:
             A solution with its trajectory, objectives and audit; ``audit.proved`` says whether the exchange succeeded.
@@ -162,7 +162,7 @@ def _scaled_bounds(limit: PathConstraint, back_off: float) -> tuple[Array, Array
 
 
 def _peaks(problem: Problem, limit: PathConstraint, candidate: Trajectory, back_off: float) -> list[Instant]:
-    """Local maxima of the violation of one limit, from a scan: those above zero, or close enough to hide one that is."""
+    """Local maxima of the violation of one limit, from a scan: above zero, or close enough to hide one that is."""
     low, high = _scaled_bounds(limit, back_off)
     u = np.linspace(0.0, 1.0, SCAN)
     members: list[Instant] = []
@@ -207,7 +207,7 @@ def _sharpened(
 
 
 def _peak_function(problem: Problem, limit: PathConstraint, members: list[Instant]) -> Any:
-    """Casadi Function (x, u ``(N,)``) -> scaled values, g_u, g_uu ``(N,)`` and g_ux ``(N, n)`` of one row an instant."""
+    """Casadi Function (x, u ``(N,)``) -> scaled values, g_u, g_uu ``(N,)``, g_ux ``(N, n)`` of one row an instant."""
     x, u = casadi.MX.sym("x", problem.size), casadi.MX.sym("u", len(members))
     values = casadi.vec(limit_values(SymbolicCurve.at(problem, x), limit, members, u) / casadi.DM(limit.scale))
     rows = [(m.rows or (0,))[0] + j * len(limit.labels) for j, m in enumerate(members)]
@@ -218,7 +218,7 @@ def _peak_function(problem: Problem, limit: PathConstraint, members: list[Instan
 
 
 def _near(instants: list[Instant], problem: Problem, solution: Solution) -> list[Instant]:
-    """The instants and rows close to their bounds; the others only cost time, and return as peaks should they matter."""
+    """The instants and rows close to their bounds; others only cost time, and return as peaks should they matter."""
     kept = []
     for instant in instants:
         limit = _limit(problem, instant)

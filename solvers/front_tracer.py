@@ -1,12 +1,12 @@
 """Front tracing: a Pareto front by warm-started local solves, each of them proved.
 
 Two objectives: epsilon-constraints. Starting from the two ends of the front inside the reference box, the widest gap
-between neighbours (measured by the area of the box they span, which bounds what hypervolume is still to be had there) is
-halved along its longer side: one objective is bounded at the middle, the other minimised. More objectives: goal
+between neighbours (measured by the area of the box they span, which bounds what hypervolume is still to be had there)
+is halved along its longer side: one objective is bounded at the middle, the other minimised. More objectives: goal
 attainment towards the ideal along a lattice of weights (Das and Dennis, 1998).
 
-Time scaling gives the starts: a dilated solution keeps its path, so one solution is a whole ray of candidates, evaluated
-in one pass of the tape; the best one that meets the bound is where the local solver begins.
+Time scaling gives the starts: a dilated solution keeps its path, so one solution is a whole ray of candidates,
+evaluated in one pass of the tape; the best one that meets the bound is where the local solver begins.
 """
 
 from __future__ import annotations

@@ -117,8 +117,13 @@ class Ipopt:
         multipliers: dict[str, Array] = {}
         if warm is not None and warm.bound_multipliers is not None and len(warm.bound_multipliers) == len(x0):
             multipliers = {"lam_x0": warm.bound_multipliers, "lam_g0": matched_multipliers(nlp, warm)}
-        options = {"print_time": False, "error_on_fail": False, "ipopt": self._settings(bool(multipliers))}
-        solver = casadi.nlpsol("solver", "ipopt", {"x": nlp.x, "f": nlp.f, "g": nlp.g}, options)
+        options: dict[str, Any] = {
+            "print_time": False,
+            "error_on_fail": False,
+            "ipopt": self._settings(bool(multipliers)),
+        }
+        program: Any = {"x": nlp.x, "f": nlp.f, "g": nlp.g}
+        solver = casadi.nlpsol("solver", "ipopt", program, options)
         # CasADi forgets the derivatives of a function with the last solver that uses them, and making them anew is most
         # of the work of a small NLP: the solver stays alive until the next one has been built.
         nlp.memory["solver"] = solver

@@ -95,7 +95,8 @@ class NSGA2:
         """Checks the numbers."""
         if self.population < 4 or self.generations < 1:
             raise InputError(
-                f"NSGA-II needs a population of 4 or more and 1 or more generations; got {self.population}, {self.generations}"
+                f"NSGA-II needs a population of 4 or more and 1 or more generations; "
+                f"got {self.population}, {self.generations}"
             )
 
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
@@ -121,7 +122,7 @@ class NSGA2:
         if best is None or len(best) == 0 or not best.get("feas").any():
             raise NoSolutionFound(
                 f"{problem.id}: no individual of NSGA-II met every limit in {self.generations} generations of "
-                f"{self.population}; give it more of either, or solve with method trace, which names the limits in conflict"
+                f"{self.population}; give it more of either, or use method trace, which names the limits in conflict"
             )
         seconds = time.perf_counter() - begun
         info = {

@@ -1,7 +1,7 @@
 """The largest payload (DLCC): along a given trajectory, over all trajectories within a time, and for every time law.
 
-Guo et al. (2016), sect. 5, raise the mass along an optimised trajectory until an effort reaches its limit. Here the mass
-is bracketed by proofs: the payload reported is one whose trajectory was proved, the next one up is not. The joint
+Guo et al. (2016), sect. 5, raise the mass along an optimised trajectory until an effort reaches its limit. Here the
+mass is bracketed by proofs: the payload reported is one whose trajectory was proved, the next one up is not. The joint
 problem makes the mass a decision variable. The static bound needs no trajectory: where position, velocity and
 acceleration are given, at the ends of a rest-to-rest motion, efforts depend on the mass alone.
 """
@@ -108,7 +108,7 @@ def along(problem: Problem, trajectory: Trajectory, largest: float | None = None
     _parameter_index(problem)
     top = 1000.0 if largest is None else largest
 
-    def audits(masses: Sequence[float]) -> list[Audit]:
+    def audits(masses: Sequence[float] | Array) -> list[Audit]:
         loaded = [replace(trajectory, parameters={**trajectory.parameters, PARAMETER: float(m)}) for m in masses]
         return audit_all(loaded, problem.requirements)
 

@@ -167,6 +167,109 @@ def stairs_problem(case: Stairs | None = None) -> Problem:
     )
 
 
+@dataclass(frozen=True)
+class Mixed:
+    """Numbers of the problem below."""
+
+    rate: float = 3.0
+    steps: tuple[float, ...] = (1.0, 2.0)
+
+
+def mixed_problem(case: Mixed | None = None) -> Problem:
+    """Two joints on segments of degrees 5, 3 and 4 that jump at the knots; every kind of limit and objective.
+
+    x holds the three durations, a parameter p, and two control points; limits see p, u and constants per segment.
+    """
+    case = case or Mixed()
+    rng = np.random.default_rng(42)
+    points = [rng.normal(size=(n + 1, 2)) for n in (5, 3, 4)]
+
+    def curve(x: Any) -> PiecewiseBezier:
+        first = ca.vertcat(ca.SX(points[0][:2]), ca.horzcat(x[4], x[5]), ca.SX(points[0][3:]))
+        last = ca.SX(points[2]) * x[4]
+        return PiecewiseBezier(x[:3], (first, ca.SX(points[1]), last))
+
+    constants = np.arange(6.0).reshape(3, 2)
+    limits = (
+        PathConstraint.on_derivative("jerk-limit", 3, -50.0, [60.0, np.inf], ("m/s3",) * 2, ("a", "b")),
+        PathConstraint(
+            "odd",
+            lambda s: ca.vertcat(s.c[0] * s.q[0] + s.p[0] * s.v[1], s.c[1] + s.u * s.snap[0], s.a[1] * s.jerk[0]),
+            np.array([-5.0, -np.inf, -40.0]),
+            np.array([5.0, 30.0, 70.0]),
+            ("m", "m/s4", "m2/s5"),
+            ("one", "two", "three"),
+            constants=constants,
+        ),
+        PathConstraint("smooth", lambda s: s.q[0] ** 2 + s.q[1] ** 2, -np.inf, 9.0, ("m2",), ("r2",)),
+    )
+    objectives = (
+        Objective("time", "s", of_variables=lambda x, p: x[0] + x[1] + x[2] + p[0]),
+        Objective("area", "m2 s", integrand=lambda s: s.q[0] ** 2 * s.p[0], quadrature=((0.0, 0.5), (1.0, 0.5))),
+        Objective("rough", "m2/s5", 100.0, integrand=lambda s: ca.sumsqr(s.jerk), quadrature=GAUSS),
+        Objective("trapezoid", "m2/s3", integrand=lambda s: ca.sumsqr(s.a), quadrature=((0.0, 0.5), (1.0, 0.5))),
+        Objective("sum", "-", terms={"time": 2.0, "rough": -0.5}),
+    )
+    return Problem(
+        id="mixed",
+        title="mixed degrees",
+        reference="none",
+        case=case,
+        robot=None,
+        variables=(
+            Variable("T", np.full(3, 0.3), np.full(3, 4.0), "s", ("T1", "T2", "T3")),
+            Variable("rest", np.full(3, -2.0), np.full(3, 2.0), "m", ("p", "x", "y")),
+        ),
+        curve=curve,
+        parameters=lambda x: x[3] * case.rate,
+        objectives=objectives,
+        default_objective="time",
+        requirements=Requirements(("a", "b"), ("m", "m"), limits, (), ("p",), continuity=0),
+        guess=lambda rng: np.concatenate([rng.uniform(0.5, 2.0, 3), rng.uniform(-1.0, 1.0, 3)]),
+    )
+
+
+def direct_objective(problem: Problem, name: str, x: Array) -> float:
+    """An objective as it is defined: its expression on numbers, its quadrature rule as a sum."""
+    objective = problem.objective(name)
+    p = _parameters(problem, x)
+    if objective.terms is not None:
+        return sum(factor * direct_objective(problem, term, x) for term, factor in objective.terms.items())
+    if objective.of_variables is not None:
+        return float(ca.evalf(ca.SX(objective.of_variables(ca.DM(x), ca.DM(p)))))
+    assert objective.integrand is not None
+    total = 0.0
+    for curve in segments_of(problem, x):
+        duration = curve.x[-1]
+        for u, weight in objective.quadrature:
+            state = numeric_state(curve, u * duration, u, p, np.zeros(0))
+            total += duration * weight * float(ca.evalf(ca.SX(objective.integrand(state))))
+    return total
+
+
+def direct_limit(problem: Problem, limit: PathConstraint | PointConstraint, x: Array, k: int, u: float) -> Array:
+    """A limit's expression on the numbers of the state at local time u of segment k: ``(rows,)``."""
+    table = getattr(limit, "constants", None)
+    curve = segments_of(problem, x)[k]
+    c = np.zeros(0) if table is None else table[k]
+    state = numeric_state(curve, u * curve.x[-1], u, _parameters(problem, x), c)
+    return np.array(ca.evalf(ca.SX(limit.expression(state)))).ravel()
+
+
+def segments_of(problem: Problem, x: Array) -> list[BPoly]:
+    """Each segment of the problem's curve as scipy's Bernstein polynomial, over [0, T_k]."""
+    symbol = ca.SX.sym("x", problem.size)
+    curve = problem.curve(symbol)
+    outputs = [ca.densify(ca.SX(part)) for part in (curve.durations, *curve.control_points)]
+    durations, *points = (np.array(part) for part in ca.Function("curve", [symbol], outputs)(x))
+    return [BPoly(p[:, None, :], [0.0, T]) for p, T in zip(points, durations.ravel(), strict=True)]
+
+
+def _parameters(problem: Problem, x: Array) -> Array:
+    symbol = ca.SX.sym("x", problem.size)
+    return np.array(ca.Function("p", [symbol], [ca.densify(ca.SX(problem.parameters(symbol)))])(x)).ravel()
+
+
 def via_constraint(u: float, value: float) -> PointConstraint:
     """The position of a single-segment, single-joint curve at local time u."""
     return PointConstraint("via", lambda s: s.q, ((0, u),), np.array([value]), np.array([value]), ("rad",), ("j",))

@@ -157,11 +157,12 @@ def test_ros_yaml_is_written_so_that_yaml_1_1_reads_numbers(homeless: Path, tmp_
     ]
 
 
-def test_ros_yaml_and_json_say_the_same(run: Path, tmp_path: Path) -> None:
-    yaml = pytest.importorskip("yaml")
-    source = run / "trajectories" / "000.json"
-    as_yaml = yaml.safe_load(export(source, "ros", tmp_path / "t.yaml").read_text())
-    assert as_yaml == json.loads(export(source, "ros", tmp_path / "t.json").read_text())
+def test_ros_times_are_rounded_and_carry_into_the_seconds(tmp_path: Path) -> None:
+    curve = PiecewiseBezier(np.array([3.0 - 1e-10]), (np.array([[0.0], [1.0]]),))
+    source = Trajectory(curve, ("a",)).save(tmp_path / "source.json")
+    data = json.loads(export(source, "ros", tmp_path / "t.json", samples=3).read_text())
+    stamps = [point["time_from_start"] for point in data["points"]]
+    assert stamps[1:] == [{"sec": 1, "nanosec": 500_000_000}, {"sec": 3, "nanosec": 0}]
 
 
 def test_ros_is_for_one_trajectory(run: Path, tmp_path: Path) -> None:

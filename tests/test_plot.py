@@ -31,10 +31,14 @@ def front_of(problem: Problem, names: list[str], **options: Any) -> Front:
 
 @pytest.fixture
 def figures(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
-    """The figures that were drawn."""
+    """The figures that were drawn, instead of their files."""
     drawn: list[Figure] = []
-    save = plot._save
-    monkeypatch.setattr(plot, "_save", lambda figure, path: (drawn.append(figure), save(figure, path))[1])
+
+    def keep(figure: Figure, path: str | Path) -> Path:
+        drawn.append(figure)
+        return Path(path)
+
+    monkeypatch.setattr(plot, "_save", keep)
     return drawn
 
 

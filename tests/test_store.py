@@ -1,5 +1,6 @@
 import json
 import os
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -31,9 +32,15 @@ def front() -> Front:
     )
 
 
+@pytest.fixture(scope="module")
+def saved(front: Front, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return save_run(front, tmp_path_factory.mktemp("runs") / "first")
+
+
 @pytest.fixture
-def run(front: Front, tmp_path: Path) -> Path:
-    return save_run(front, tmp_path / "first")
+def run(saved: Path, tmp_path: Path) -> Path:
+    """A copy of the saved run, to be damaged or replaced."""
+    return Path(shutil.copytree(saved, tmp_path / "first"))
 
 
 def files(folder: Path) -> list[str]:
