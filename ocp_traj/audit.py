@@ -47,7 +47,7 @@ class AuditRow:
     Attributes:
         limit, label, unit: which.
         bound: what is allowed [unit].
-        attained: the most extreme value found [unit]; NaN where none could be found.
+        attained: the most extreme value found, rounded inward [unit]; infinite where none could be found.
         instant: when [s].
         proved_bound: the value is proved to stay within this [unit]; for point constraints the attained value.
         margin: distance of ``proved_bound`` to ``bound`` as a fraction of the limit's scale; > 0 when satisfied.
@@ -247,8 +247,7 @@ class _Prover:
         count, rows = len(trajectories), len(limit.labels)
         self.bound, self.scale = np.stack([limit.upper, -limit.lower]), limit.scale
         self.attained = np.full((2, rows, count), -np.inf)  # lower bound of the largest value
-        self.found = np.full((2, rows, count), np.nan)  # that value as computed in floats, for show
-        self.place = np.zeros((2, 2, rows, count))  # its segment and local time
+        self.place = np.zeros((2, 2, rows, count))  # segment and local time of that value
         self.floor = np.full((2, rows, count), -np.inf)  # no bound can be below: the largest value's own upper bound
         self.proved = np.full((2, rows, count), -np.inf)  # upper bound over all arcs that are closed
         self.boxes = np.zeros(count, dtype=int)
@@ -359,7 +358,6 @@ class _Prover:
         side, row, owner = np.nonzero(better)
         chosen, at = index[better], (side, row, owners[owner])
         self.attained[at] = largest[better]
-        self.found[at] = 0.5 * low[side, row, chosen] + 0.5 * high[side, row, chosen]
         self.place[0][at], self.place[1][at] = arcs.segment[chosen], (arcs.a if which == 0 else arcs.b)[chosen]
 
     def _enclose(self, batch: _Batch) -> tuple[Array, Array]:
@@ -420,7 +418,7 @@ class _Prover:
         curve, segment = self.trajectories[index].curve, int(self.place[0][at])
         instant = float(curve.knots[segment] + self.place[1][at] * curve.durations[segment])
         return AuditRow(
-            limit.id, limit.labels[row], limit.units[row], sign * bound, sign * float(self.found[at]), instant,
+            limit.id, limit.labels[row], limit.units[row], sign * bound, sign * attained, instant,
             sign * proved, (bound - proved) / scale, verdict, int(self.boxes[index]),
         )  # fmt: skip
 

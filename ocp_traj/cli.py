@@ -135,7 +135,7 @@ def pareto(
         )
         return NOT_PROVED
     volume = front.hypervolume(*corners)
-    folder = save_run(front, output, force=force)
+    folder = save_run(front, output, force=force, hypervolume=volume)
     screen.show(screen.front_sheet(front, volume, folder), json)
     screen.say(f"run: {folder}\npicture: {folder / 'front.png'}")
     return INTERRUPTED if front.info.get("interrupted") else DONE

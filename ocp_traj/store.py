@@ -24,7 +24,7 @@ from ocp_traj import problems
 from ocp_traj.audit import PROVED, UNDECIDED, VIOLATED
 from ocp_traj.errors import FileFormatError, InputError
 from ocp_traj.files import read_json, read_text
-from ocp_traj.front import Front, FrontPoint
+from ocp_traj.front import Front, FrontPoint, Hypervolume
 from ocp_traj.plot import plot_front
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import case_fields, evaluate_objectives, trajectory
@@ -67,8 +67,13 @@ def _check_replaceable(given: Path, target: Path, force: bool) -> None:
         )
 
 
-def save_run(front: Front, folder: str | Path, *, force: bool = False) -> Path:
-    """Writes a run under a temporary name beside ``folder`` and renames it; ``force`` replaces an earlier run."""
+def save_run(
+    front: Front, folder: str | Path, *, force: bool = False, hypervolume: Hypervolume | None = None
+) -> Path:
+    """Writes a run under a temporary name beside ``folder`` and renames it; ``force`` replaces an earlier run.
+
+    ``hypervolume`` is what to record, where it was measured with other corners than the front's own.
+    """
     target = check_target(folder, force)
     work: Path | None = None
     try:
@@ -76,7 +81,7 @@ def save_run(front: Front, folder: str | Path, *, force: bool = False) -> Path:
         work = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
         new = work / "new"
         (new / "trajectories").mkdir(parents=True)
-        (new / "run.json").write_text(json.dumps(describe(front), indent=1) + "\n", encoding="utf-8")
+        (new / "run.json").write_text(json.dumps(describe(front, hypervolume), indent=1) + "\n", encoding="utf-8")
         front.table.to_csv(new / "front.csv")
         plot_front(front, new / "front.png")
         for index, point in enumerate(front.points):
@@ -106,10 +111,10 @@ def _swap(new: Path, target: Path, old: Path) -> None:
         raise
 
 
-def describe(front: Front) -> dict[str, Any]:
+def describe(front: Front, hypervolume: Hypervolume | None = None) -> dict[str, Any]:
     """What ``run.json`` holds, as plain JSON values."""
     try:
-        measured = vars(front.hypervolume())
+        measured = vars(hypervolume or front.hypervolume())
     except InputError:  # the problem has no reference point for these objectives
         measured = dict.fromkeys(("value", "volume", "reference", "ideal", "own_ideal"))
     described = plain(

@@ -78,16 +78,18 @@ class Exchange:
             A solution with its trajectory, objectives and audit; ``audit.proved`` says whether the exchange succeeded.
         """
         begun = time.perf_counter()
-        instants = list(self.first if self.first is not None else few_instants(problem))
+        given = [replace(instant, slope=None) for instant in self.first or ()]  # slopes of another solution mislead
+        instants = given or list(few_instants(problem))
         x, iterations, back_off, excess = np.asarray(x0, dtype=float), 0, self.back_off, np.inf
         last: Solution | None = None  # feasible at its instants, not proved
         for number in range(1, self.max_rounds + 1):
             nlp = transcribe(problem, scalarisation, instants, back_off)
             start = np.append(x, np.zeros(len(nlp.labels) - len(x)))
-            hurried = replace(self.solver, max_iter=min(self.solver.max_iter, WARM_ITERATIONS)) if warm else self.solver
-            solution = hurried.solve(nlp, start, warm)
+            moving = any(instant.slope is not None for instant in instants)
+            limit = min(self.solver.max_iter, WARM_ITERATIONS) if moving else self.solver.max_iter
+            solution = replace(self.solver, max_iter=limit).solve(nlp, start, warm)
             iterations += solution.iterations
-            if solution.status is not Status.SOLVED and warm is not None:
+            if solution.status is not Status.SOLVED and (moving or warm is not None):
                 # Multipliers, or an instant that races along a flat peak, can mislead: once more without either.
                 instants = [_frozen(instant, x) for instant in instants]
                 nlp = transcribe(problem, scalarisation, instants, back_off)
@@ -236,7 +238,7 @@ def _merge(
     merged, renamed = list(instants), {}
     for peak in peaks:
         for i, old in enumerate(merged):
-            same = (old.limit, old.segment, old.rows) == (peak.limit, peak.segment, peak.rows) and old.slope is not None
+            same = (old.limit, old.segment, old.rows) == (peak.limit, peak.segment, peak.rows) and old.anchor is not None
             if same and abs(_where(old, x) - peak.u) < NEAR:
                 limit, row = _limit(problem, peak), (peak.rows or (0,))[0]
                 renamed[_row(limit, peak, row)] = _row(limit, old, row)
@@ -254,7 +256,8 @@ def _where(instant: Instant, x: Array) -> float:
 
 
 def _frozen(instant: Instant, x: Array) -> Instant:
-    return replace(instant, u=_where(instant, x), slope=None, anchor=None)
+    """The instant where it now is; that it has an anchor still tells it from the grid's."""
+    return replace(instant, u=_where(instant, x), slope=None)
 
 
 def _limit(problem: Problem, instant: Instant) -> PathConstraint:

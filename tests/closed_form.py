@@ -229,45 +229,55 @@ def mixed_problem(case: Mixed | None = None) -> Problem:
     )
 
 
-def direct_objective(problem: Problem, name: str, x: Array) -> float:
-    """An objective as it is defined: its expression on numbers, its quadrature rule as a sum."""
-    objective = problem.objective(name)
-    p = _parameters(problem, x)
-    if objective.terms is not None:
-        return sum(factor * direct_objective(problem, term, x) for term, factor in objective.terms.items())
-    if objective.of_variables is not None:
-        return float(ca.evalf(ca.SX(objective.of_variables(ca.DM(x), ca.DM(p)))))
-    assert objective.integrand is not None
-    total = 0.0
-    for curve in segments_of(problem, x):
-        duration = curve.x[-1]
-        for u, weight in objective.quadrature:
-            state = numeric_state(curve, u * duration, u, p, np.zeros(0))
-            total += duration * weight * float(ca.evalf(ca.SX(objective.integrand(state))))
-    return total
+class Direct:
+    """A problem's objectives and limits as they are written: their expressions on numbers, at one decision vector."""
 
+    def __init__(self, problem: Problem, x: Array) -> None:
+        symbol = ca.SX.sym("x", problem.size)
+        curve = problem.curve(symbol)
+        outputs = [ca.densify(ca.SX(o)) for o in (problem.parameters(symbol), curve.durations, *curve.control_points)]
+        p, durations, *points = (np.array(o) for o in ca.Function("curve", [symbol], outputs)(x))
+        self.problem, self.x, self.p = problem, x, p.ravel()
+        self._compiled: dict[Any, Any] = {}
+        # Each segment over [0, T_k], by scipy.
+        self.segments = [BPoly(p[:, None, :], [0.0, T]) for p, T in zip(points, durations.ravel(), strict=True)]
 
-def direct_limit(problem: Problem, limit: PathConstraint | PointConstraint, x: Array, k: int, u: float) -> Array:
-    """A limit's expression on the numbers of the state at local time u of segment k: ``(rows,)``."""
-    table = getattr(limit, "constants", None)
-    curve = segments_of(problem, x)[k]
-    c = np.zeros(0) if table is None else table[k]
-    state = numeric_state(curve, u * curve.x[-1], u, _parameters(problem, x), c)
-    return np.array(ca.evalf(ca.SX(limit.expression(state)))).ravel()
+    def value(self, expression: Callable[[State], Any], k: int, u: float, constants: Array) -> Array:
+        """An expression of the state at local time u of segment k."""
+        curve = self.segments[k]
+        t = u * curve.x[-1]
+        derivatives = [curve.derivative(order)(t) if order else curve(t) for order in range(5)]
+        numbers = [*derivatives, u, self.p, constants]
+        if expression not in self._compiled:
+            state = State(*(ca.SX.sym(name, np.size(n)) for name, n in zip(State._fields, numbers, strict=True)))
+            self._compiled[expression] = ca.Function("f", list(state), [ca.densify(ca.SX(expression(state)))])
+        return np.array(self._compiled[expression](*numbers)).ravel()
 
+    def objective(self, name: str) -> float:
+        """An objective, its quadrature rule as a sum."""
+        objective = self.problem.objective(name)
+        if objective.terms is not None:
+            return sum(factor * self.objective(term) for term, factor in objective.terms.items())
+        if objective.of_variables is not None:
+            return float(ca.evalf(ca.SX(objective.of_variables(ca.DM(self.x), ca.DM(self.p)))))
+        assert objective.integrand is not None
+        total = 0.0
+        for k, curve in enumerate(self.segments):
+            for u, weight in objective.quadrature:
+                total += curve.x[-1] * weight * float(self.value(objective.integrand, k, u, np.zeros(0))[0])
+        return total
 
-def segments_of(problem: Problem, x: Array) -> list[BPoly]:
-    """Each segment of the problem's curve as scipy's Bernstein polynomial, over [0, T_k]."""
-    symbol = ca.SX.sym("x", problem.size)
-    curve = problem.curve(symbol)
-    outputs = [ca.densify(ca.SX(part)) for part in (curve.durations, *curve.control_points)]
-    durations, *points = (np.array(part) for part in ca.Function("curve", [symbol], outputs)(x))
-    return [BPoly(p[:, None, :], [0.0, T]) for p, T in zip(points, durations.ravel(), strict=True)]
+    def limit(self, limit: PathConstraint | PointConstraint, k: int, u: float) -> Array:
+        """A limit at local time u of segment k: ``(rows,)``."""
+        table = getattr(limit, "constants", None)
+        return self.value(limit.expression, k, u, np.zeros(0) if table is None else table[k])
 
-
-def _parameters(problem: Problem, x: Array) -> Array:
-    symbol = ca.SX.sym("x", problem.size)
-    return np.array(ca.Function("p", [symbol], [ca.densify(ca.SX(problem.parameters(symbol)))])(x)).ravel()
+    def excess(self, limit: PathConstraint, instants: Iterable[float], both_sides: bool = True) -> Array:
+        """Largest excess of each row over its bounds at instants of every segment, in units of the limit's scale."""
+        last = len(self.segments) - 1
+        grid = [(k, u) for k in range(last + 1) for u in instants if both_sides or u < 1.0 or k == last]
+        values = np.array([self.limit(limit, k, u) for k, u in grid])
+        return np.asarray(np.maximum(values - limit.upper, limit.lower - values).max(axis=0) / limit.scale)
 
 
 def via_constraint(u: float, value: float) -> PointConstraint:
@@ -443,9 +453,3 @@ def clamped_spline(via_points: Array, h: Array) -> CubicSpline:
     plain = CubicSpline(t, knots, bc_type="clamped")(t[[0, -1]], 2)
     knots[free] = -np.linalg.solve(response, plain)
     return CubicSpline(t, knots, bc_type="clamped")
-
-
-def numeric_state(curve: BPoly, t: float, u: float, p: Array, c: Array) -> State:
-    """A state of a curve as numbers, for an expression to be evaluated on directly."""
-    derivatives = [ca.DM(curve.derivative(order)(t) if order else curve(t)) for order in range(5)]
-    return State(*derivatives, ca.DM(u), ca.DM(p), ca.DM(c))

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from ocp_traj.errors import InputError, UnknownName
 from ocp_traj.population import Population
 from ocp_traj.problem import Problem
-from tests.closed_form import Quintic, direct_limit, direct_objective, mixed_problem, quintic_problem, stairs_problem
+from tests.closed_form import Direct, Quintic, mixed_problem, quintic_problem, stairs_problem
 
 PER_SEGMENT = 4
 
@@ -23,7 +23,7 @@ def test_objectives_are_their_definitions_on_numbers(make: type) -> None:
     names = [o.id for o in problem.objectives if o.id != "area"]  # its integrand jumps where it promised not to
     xs = individuals(problem, 3)
     found = Population(problem, names).evaluate(xs).objectives
-    expected = [[direct_objective(problem, name, x) for name in names] for x in xs]
+    expected = [[Direct(problem, x).objective(name) for name in names] for x in xs]
     assert_allclose(found, expected, rtol=1e-10)
 
 
@@ -33,21 +33,13 @@ def test_violations_are_the_largest_excess_over_the_instants(make: type) -> None
     xs = individuals(problem, 3)
     found = Population(problem, ["time"], PER_SEGMENT).evaluate(xs).violations
     for x, row in zip(xs, found, strict=True):
-        expected: list[float] = []
-        for limit in problem.requirements.path_constraints:
-            grid = [(k, u) for k in range(len(_degrees(problem))) for u in np.linspace(0, 1, PER_SEGMENT)]
-            if problem.requirements.continuous(limit):  # by promise: the right side of a knot stands for both
-                grid = [(k, u) for k, u in grid if u < 1.0 or k == len(_degrees(problem)) - 1]
-            values = np.array([direct_limit(problem, limit, x, k, u) for k, u in grid])
-            excess = np.maximum(values - limit.upper, limit.lower - values).max(axis=0) / limit.scale
-            expected += excess.tolist()
-        assert_allclose(row, expected, rtol=1e-10, atol=1e-10)
-
-
-def _degrees(problem: Problem) -> tuple[int, ...]:
-    import casadi as ca
-
-    return problem.curve(ca.SX.sym("x", problem.size)).degrees
+        direct, grid = Direct(problem, x), np.linspace(0.0, 1.0, PER_SEGMENT)
+        expected = [
+            # Where a limit is continuous at a knot, by promise, the right side stands for both.
+            direct.excess(limit, grid, both_sides=not problem.requirements.continuous(limit))
+            for limit in problem.requirements.path_constraints
+        ]
+        assert_allclose(row, np.concatenate(expected), rtol=1e-10, atol=1e-10)
 
 
 def test_violation_of_the_quintic_has_its_closed_form() -> None:

@@ -1,0 +1,130 @@
+"""What must read otherwise in Guo et al. (2016): misprinted numbers, and equations, with the numbers that show it."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from ocp_traj.comparison import Erratum
+from ocp_traj.evaluate import limit_on
+from ocp_traj.problem import Problem
+from ocp_traj.problems import hybrid_spline as paper
+from ocp_traj.solvers.payload import static_bound
+from ocp_traj.trajectory import Trajectory
+from ocp_traj.transcription import evaluate_objectives, trajectory
+
+_CUT = "inverse kinematics gives 325.1298: cut off, not rounded"
+_SWAPPED = "inverse kinematics gives 226.3823; z = 1052.018 in Table 8 needs it, too"
+# (table, item): what it should read, and why. A comparison confirms each.
+MISPRINTS = {
+    ("Table 6", "row 3 X_S3"): ("325.13", _CUT),
+    ("Table 6", "row 6 X_S3"): ("226.38", _SWAPPED),
+    ("Table 6", "row 12 z"): ("951.221", "the decimal point is two places too far left"),
+    ("Table 8", "row 2 X_S1"): ("263.47", "Table 7 gives it, and x, y in the same row need it"),
+    ("Table 8", "row 3 X_S3"): ("325.13", _CUT),
+    ("Table 8", "row 5 t"): ("2.539", "t4 + h4 of Table 7"),
+    ("Table 8", "row 6 X_S3"): ("226.38", _SWAPPED),
+    ("Table 8", "row 12 X_S2"): ("657.51", "Table 7 gives it, and x, y in the same row need it"),
+    ("Table 8", "row 12 phi_5"): ("0.1997", "Table 7 gives it; 0.1969 is row 13's, to four decimals"),
+}
+
+
+def equation_errata(physical: Problem, literal: Problem) -> tuple[Erratum, ...]:
+    """Errors in equations, units and data, each with what shows it on the paper's own example.
+
+    Args:
+        physical, literal: the problem in either convention.
+    """
+    motion = trajectory(physical, paper.TABLE_7)
+    printed = paper.TABLE_9[next(iter(paper.TABLE_9))]
+    forces, energy = energies(literal)
+    static = static_bound(physical)
+    lift = paper.TABLE_4[0]
+    return (
+        Erratum(
+            "Table 1, m_pu", f"{paper.PAYLOAD_RANGE[1]} kg", "more than the largest payload reported",
+            f"(123) with it rules out the {paper.LARGEST_PAYLOAD} kg of sect. 6",
+        ),
+        Erratum(
+            "Table 2, JC of joints 1-3", "100000 m/s3", "100000 mm/s3",
+            f"along Table 7 no screw exceeds {np.abs(motion.curve.hull(3)).max(axis=(0, 1))[:3].max():.2g} m/s3, "
+            "and the columns beside it count in mm",
+        ),
+        Erratum(
+            "Table 5", "inertia about the centre of mass", "inertia about the origin of the frame",
+            f"(102) integrates over positions in the frame; J33 of no. 2 lacks m z2 = {lift[0] * lift[2][2] ** 2:.0f} kg mm2",
+        ),
+        Erratum(
+            "(30), A1 and B1", "A1", "A1/L3",
+            f"(32) has sin(alpha) = A1/L3; without it phi_4 of a via point is up to {yaw_error():.3f} rad off with "
+            "lengths in m, and with lengths in mm the root is of a negative number",
+        ),
+        Erratum(
+            "(60)", "3R2 (2w2 x 3z2)", "(3R2 2w2) x 3z2",
+            "a vector in frame 2 meets one in frame 3; both point along the vertical and the true product is 0, the "
+            f"printed one up to {vertical_product(motion):.2g} rad/s2 along Table 7",
+        ),
+        Erratum("(67)", "4R3 (3w3 x 4z3)", "(4R3 3w3) x 4z3", "as (60), one link further"),
+        Erratum(
+            "(73)", "4R5 5f5 with the weight along the tool's axis", "the weight turned from frame 0 into frame 4",
+            f"a weight stays vertical; at Table 7 the cost is {evaluate_objectives(physical, paper.TABLE_7)['cost']:.4f} "
+            f"with it so, {evaluate_objectives(literal, paper.TABLE_7)['cost']:.4f} as printed, {printed['cost']} reported",
+        ),
+        Erratum(
+            "(95)", "rho of a prismatic joint with its 1 in row 3", "for d1, the 1 in row 1",
+            "A1 of (89) translates along x, so that its derivative has its only entry there",
+        ),
+        Erratum("(96)", "Q_j", "rho_j", "the matrix of (94); there is no Q_j"),
+        Erratum("(108), D_ijk", "Gamma_pj", "Gamma_pjk", "as printed, D_ijk is D_ij"),
+        Erratum(
+            "(114), (154), z2", "the sum over joints of (|U||v|)^2", "the square of the sum over joints of |U||v|",
+            f"at Table 7 {forces:.0f} as printed, {energy:.0f} so, {printed['energy']:.0f} reported",
+        ),
+        Erratum("before (145)", "(26)", "(119)", "the bound on the velocity is meant; (26) is a component of the tool's normal"),
+        Erratum(
+            "(154), z3", "a mean of two intervals' jerks, weighted with the first's h", "sum of h_i J_i^2",
+            f"at Table 7 {jerk_as_printed(motion):.3f} as printed, "
+            f"{evaluate_objectives(physical, paper.TABLE_7)['jerk']:.3f} so, {printed['jerk']} reported",
+        ),
+        Erratum(
+            "sect. 6, largest payload", f"{paper.LARGEST_PAYLOAD} kg", f"at most {static.payload:.4f} kg",
+            f"a weight that stays vertical meets the limit of {static.binding.split()[1]} at rest; see the table Payload",
+        ),
+    )  # fmt: skip
+
+
+def yaw_error() -> float:
+    """Error [rad] of (30) as printed at the worst via point, with lengths in m."""
+    q = paper.via_points(paper.Guo2016())
+    alpha = np.arctan((q[:, 1] - q[:, 0]) / paper.L1)
+    a1 = paper.L3 * np.sin(alpha)
+    return float(np.abs(np.arctan2(a1, np.sqrt(1.0 - a1**2)) - alpha).max())
+
+
+def vertical_product(motion: Trajectory) -> float:
+    """Largest |2w2 x 3z2| |dphi_4/dt| [rad/s2], components of the two frames multiplied as printed in (60)."""
+    t = np.arange(0.0, motion.duration, 1e-3)
+    q, v = motion.curve(t), motion.curve(t, 1)
+    yaw = paper.L1 * (v[:, 1] - v[:, 0]) / (paper.L1**2 + (q[:, 1] - q[:, 0]) ** 2)  # (43)
+    product = np.cross(np.stack([0.0 * yaw, 0.0 * yaw, yaw], axis=1), [0.0, sqrt(0.5), sqrt(0.5)])  # (65)
+    return float((np.linalg.norm(product, axis=1) * np.abs(v[:, 3])).max())
+
+
+def energies(literal: Problem) -> tuple[float, float]:
+    """z2 at Table 7 with the tool-axis payload: summed over joints after squaring, and before."""
+    motion = trajectory(literal, paper.TABLE_7)
+    limit = next(c for c in literal.requirements.path_constraints if c.id == "force")
+    total = 0.0
+    for k, h in enumerate(paper.TABLE_7):
+        force = limit_on(motion, literal.requirements, limit, k, [0.0, 1.0])
+        velocity = motion.curve.at(k, np.array([0.0, 1.0]), 1).T
+        total += h / 2.0 * float(((force * velocity) ** 2).sum())
+    return total, evaluate_objectives(literal, paper.TABLE_7)["energy"]
+
+
+def jerk_as_printed(motion: Trajectory) -> float:
+    """z3 of (154) as printed."""
+    h = np.array(paper.TABLE_7)
+    squares = np.array([(motion.curve.at(k, 0.5, 3) ** 2).sum() for k in range(len(h))])
+    return float((h[:-1] / 2.0 * (squares[:-1] + squares[1:])).sum())

@@ -1,0 +1,40 @@
+"""Every number a paper reports beside ours: ``reproduce("hybrid-spline")``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ocp_traj import problems, reproduce_hybrid_spline
+from ocp_traj.comparison import Comparison, Erratum, Reproduction, Run
+from ocp_traj.errors import InputError, UnknownName
+from ocp_traj.progress import Progress, silent
+
+__all__ = ["REGISTRY", "Comparison", "Erratum", "Reproduction", "Run", "names", "reproduce"]
+
+# id: (seeds, progress) -> Reproduction. A new paper is one module and one line here.
+REGISTRY: dict[str, Callable[[int, Progress], Reproduction]] = {
+    "hybrid-spline": reproduce_hybrid_spline.run,
+}
+
+
+def names() -> tuple[str, ...]:
+    """Ids of the problems whose paper can be reproduced."""
+    return tuple(REGISTRY)
+
+
+def reproduce(name: str, *, seeds: int = 3, progress: Progress = silent) -> Reproduction:
+    """Computes what a paper reports, and compares.
+
+    Args:
+        name: id of the problem.
+        seeds: runs of each stochastic solver, seeds 0, 1, ..; none leaves these solvers out.
+        progress: told how far it is.
+    """
+    if name not in REGISTRY:
+        known = f"the papers of {', '.join(REGISTRY)} can be"
+        if name in problems.names():
+            raise UnknownName(f"the paper of {name} cannot be reproduced yet; {known}")
+        raise UnknownName(f"there is no problem {name!r}; {known} reproduced")
+    if not (isinstance(seeds, int) and seeds >= 0):
+        raise InputError(f"seeds is {seeds!r}; give a whole number, zero or more")
+    return REGISTRY[name](seeds, progress)

@@ -1,0 +1,168 @@
+"""Tables 5, 6, 8 and 9 and Figure 15 of Guo et al. (2016) from Table 7's intervals, beside what the paper prints.
+
+Two findings carry the comparison of Table 8: its x, y, z are the tool positions of joint coordinates rounded to four
+decimals in m and rad, and the extra knots 2 and 12 follow from Table 7's intervals. One carries Table 9: the payload is
+a constant force along the tool's own axis (``paper-literal``).
+"""
+
+from __future__ import annotations
+
+import casadi
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ocp_traj.comparison import Sheet, rounding_effect
+from ocp_traj.curves import cubic_spline_free_ends
+from ocp_traj.problem import Problem
+from ocp_traj.problems import hybrid_spline as paper
+from ocp_traj.transcription import objective_function
+
+Array = NDArray[np.float64]
+
+LITERAL = paper.CONVENTIONS[1]
+NSGA_II = next(iter(paper.TABLE_9))
+PRINTED = 0.0005  # [s] half a unit of the last digit of Table 7
+SCALES, UNITS = np.array([1e3, 1e3, 1e3, 1.0, 1.0]), ("mm", "mm", "mm", "rad", "rad")
+DECIMALS = 4  # to which joint coordinates [m, rad] are rounded before Table 8's x, y, z: our finding
+EXTRA = (2, 12)  # knots whose position follows from the intervals
+
+
+def lines(table: str) -> dict[int, list[str]]:
+    """Entries as printed by the number their line begins with."""
+    return {int(line.split()[0]): line.split()[1:] for line in table.strip().splitlines()}
+
+
+def knots(h: ArrayLike) -> Array:
+    """Joint coordinates at the 13 knots ``(13, 5)`` [m, rad], of intervals h ``(12,)`` [s]."""
+    curve = cubic_spline_free_ends(paper.via_points(paper.Guo2016()), h)
+    return np.stack([*(curve.at(k, 0.0).ravel() for k in range(12)), curve.at(11, 1.0).ravel()])
+
+
+def tool_positions(q: ArrayLike) -> Array:
+    """Tool positions ``(N, 3)`` [mm] of joint coordinates ``(N, 5)`` [m, rad]."""
+    joints = casadi.SX.sym("q", 5)
+    function = casadi.Function("tool", [joints], [paper.robot().tool_pose(joints)[1]])
+    return np.array(function(np.atleast_2d(np.asarray(q)).T)).T * 1e3
+
+
+def pseudo_inertias(sheet: Sheet) -> None:
+    """Table 5 from Table 4 by (102), of which both are rounded."""
+    copied: list[str] = []
+    for (number, printed), (mass, inertia, centre) in zip(
+        lines(paper.TABLE_5_PRINTED).items(), paper.TABLE_4, strict=True
+    ):
+        diagonal = np.trace(np.array(inertia)) / 2.0 - np.diag(np.array(inertia))
+        moments = mass * np.array(centre)
+        slacks = [1.5 * PRINTED] * 3 + [PRINTED * (mass + abs(c)) for c in centre]
+        for i, (name, ours) in enumerate(
+            zip(("J11", "J22", "J33", "m x", "m y", "m z"), (*diagonal, *moments), strict=True)
+        ):
+            copy = bool(copied) and printed[i] == copied[i] != "0"
+            misprint = (f"{ours:.3f}", f"copied from no. {number - 1}; Table 4 gives this") if copy else None
+            unit, note = ("kg mm2", "") if i < 3 else ("kg mm", "")
+            if name == "m x" and centre[0] == 0.0 and printed[i] != "0":
+                note = f"Table 4 puts the centre of mass at x = 0; this would need {float(printed[i]) / mass:.3f} mm"
+            sheet.add(
+                "Table 5",
+                f"no. {number} {name}",
+                printed[i],
+                float(ours),
+                unit,
+                slack=slacks[i],
+                misprint=misprint,
+                note=note,
+            )
+        copied = printed
+
+
+def via_points(sheet: Sheet) -> None:
+    """Table 6: the via points by inverse kinematics, the extra knots from Table 7's intervals."""
+    joints, (points, _) = knots(paper.TABLE_7), paper.task_points()
+    task = iter(points * 1e3)
+    for number, printed in lines(paper.TABLE_6_PRINTED).items():
+        extra = number in EXTRA
+        note = "no datum: it follows from h, and belongs to other intervals than Table 7's" if extra else ""
+        for i, name in enumerate(paper.JOINTS):
+            ours = float(joints[number - 1, i] * SCALES[i])
+            sheet.add("Table 6", f"row {number} {name}", printed[i], ours, UNITS[i], note=note)
+        of_printed = tool_positions(np.array([float(text) for text in printed[:5]]) / SCALES)[0]
+        for i, (name, ours) in enumerate(zip("xyz", of_printed if extra else next(task), strict=True)):
+            note = "forward kinematics of the joint coordinates printed" if extra else "(156)"
+            sheet.add("Table 6", f"row {number} {name}", printed[5 + i], float(ours), "mm", note=note)
+
+
+def spline_knots(sheet: Sheet) -> None:
+    """Table 8: instants, knots and tool positions at Table 7's intervals."""
+    h = np.array(paper.TABLE_7)
+    joints, instants = knots(h), np.append(0.0, np.cumsum(h))
+    slack = rounding_effect(knots, h, PRINTED) * SCALES
+    rounded, exact = tool_positions(np.round(joints, DECIMALS)), tool_positions(joints)
+    for number, (time, *printed) in lines(paper.TABLE_8_PRINTED).items():
+        k = number - 1
+        sheet.add("Table 8", f"row {number} t", time, float(instants[k]), "s", slack=k * PRINTED)
+        for i, name in enumerate(paper.JOINTS):
+            note = "the same row's x, y, z agree" if number in EXTRA else ""
+            sheet.add(
+                "Table 8",
+                f"row {number} {name}",
+                printed[i],
+                float(joints[k, i] * SCALES[i]),
+                UNITS[i],
+                slack=float(slack[k, i]),
+                note=note,
+            )
+        for i, name in enumerate("xyz"):
+            note = f"of joint coordinates rounded to {DECIMALS} decimals in m and rad; not rounded: {exact[k, i]:.3f}"
+            sheet.add("Table 8", f"row {number} {name}", printed[5 + i], float(rounded[k, i]), "mm", note=note)
+
+
+def tracking_error(h: ArrayLike) -> Array:
+    """Standard deviation [mm], variance [mm2] and maximum [mm] of the tool's distance to (156), every millisecond."""
+    curve = cubic_spline_free_ends(paper.via_points(paper.Guo2016()), h)
+    p = tool_positions(curve(np.arange(0.0, float(curve.duration), 1e-3)))
+    eta = ((p[:, 0] - 600.0) * 0.8 + (p[:, 1] + 150.0) * 0.6) / 50.0
+    for _ in range(4):  # Newton's method on (c(eta) - p) c'(eta) = 0
+        x, y = 600.0 + 40.0 * eta, -150.0 + 30.0 * eta
+        c = np.stack([x, y, (y - 100.0) ** 2 / 400.0 - x**2 / 6400.0 + 1100.0], axis=1)
+        slope = np.stack([40.0 + 0.0 * eta, 30.0 + 0.0 * eta, (y - 100.0) * 0.15 - x / 80.0], axis=1)
+        bend = 900.0 / 200.0 - 1600.0 / 3200.0  # d2z/deta2
+        step = ((c - p) * slope).sum(axis=1) / ((slope**2).sum(axis=1) + (c - p)[:, 2] * bend)
+        eta = eta - step
+    distance = np.linalg.norm(c - p, axis=1)
+    return np.array([distance.std(), distance.var(), distance.max()])
+
+
+def tracking(sheet: Sheet) -> None:
+    """Figure 15's numbers: how far the spline strays from the curve between the knots."""
+    ours, slack = tracking_error(paper.TABLE_7), rounding_effect(tracking_error, paper.TABLE_7, PRINTED)
+    for i, (name, printed) in enumerate(paper.TRACKING_ERROR.items()):
+        sheet.add(
+            "Figure 15",
+            name,
+            printed,
+            float(ours[i]),
+            ("mm", "mm2", "mm")[i],
+            slack=float(slack[i]),
+            note="distance to the curve (156)",
+        )
+
+
+def objectives(sheet: Sheet, problem: Problem) -> None:
+    """Table 9's line of NSGA-II: the objectives at Table 7's intervals."""
+
+    def values(h: ArrayLike) -> Array:
+        return np.array(objective_function(problem)(np.asarray(h))).ravel()
+
+    ours, slack = values(paper.TABLE_7), rounding_effect(values, paper.TABLE_7, PRINTED)
+    for i, objective in enumerate(problem.objectives):
+        convention = problem.case.convention
+        if convention == LITERAL or objective.id in ("energy", "cost"):  # the others are the same
+            digits = f"{paper.TABLE_9[NSGA_II][objective.id]:.3f}"
+            sheet.add(
+                "Table 9",
+                f"{objective.id}, {convention}",
+                digits,
+                float(ours[i]),
+                objective.unit,
+                slack=float(slack[i]),
+            )

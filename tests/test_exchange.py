@@ -1,0 +1,250 @@
+"""Constraint exchange: closed forms, and the hybrid robot's known optima, feasible by an independent scan first."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from ocp_traj import problems
+from ocp_traj.audit import audit
+from ocp_traj.nlp import Solution, Status
+from ocp_traj.problem import Problem
+from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation, WeightedSum
+from ocp_traj.solvers.exchange import Exchange, worst_instants
+from ocp_traj.solvers.ipopt import Ipopt
+from ocp_traj.transcription import BACK_OFF, evaluate_objectives, few_instants, trajectory, transcribe, uniform_instants
+from tests.closed_form import LINKS, G, HybridRobot, Quintic, quintic_problem
+
+TIME, COST = WeightedSum({"time": 1.0}), WeightedSum({"cost": 1.0})
+FASTEST = 2.4836242  # [s], least time of hybrid-spline
+CHEAPEST, CHEAPEST_LITERAL = 2.550568, 2.957317  # least cost, physical and paper-literal
+
+
+def solve(problem: Problem, scalar: Scalarisation, seed: int = 0, solver: Exchange | None = None) -> Solution:
+    return (solver or Exchange()).solve(problem, scalar, problem.guess(np.random.default_rng(seed)))
+
+
+# --- closed form ---
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        Quintic(),  # acceleration decides; at the first grid's instants, both ends and the middle, it vanishes
+        Quintic(velocity=0.5),  # velocity decides, and its peak is on the first grid
+        Quintic(distance=0.3, velocity=1.0, acceleration=2.0),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("start", [0.3, 3.0, 8.0])
+def test_least_time_of_a_quintic_has_its_closed_form(case: Quintic, start: float) -> None:
+    solution = Exchange().solve(quintic_problem(case), TIME, np.array([start]))
+    assert solution.audit is not None and solution.audit.proved
+    duration = solution.x[0]
+    assert 15.0 / 8.0 * case.distance / duration <= case.velocity
+    assert 10.0 / 3.0**0.5 * case.distance / duration**2 <= case.acceleration
+    assert duration == pytest.approx(case.least_time, rel=10 * BACK_OFF)
+    assert solution.status is Status.SOLVED
+    assert solution.rounds <= 3
+
+
+def test_a_first_grid_blind_to_the_limit_gets_the_peaks_as_moving_instants() -> None:
+    """At T = 0.5 the acceleration is broken at u = (3 -+ sqrt(3))/6, the velocity at 1/2: none of them moves with T."""
+    case = Quintic()
+    problem = quintic_problem(case)
+    candidate = trajectory(problem, [0.5])
+    found = worst_instants(problem, candidate, audit(candidate, problem.requirements))
+    at = sorted((instant.limit, instant.u) for instant in found)
+    expected = [("acceleration-limit", (3 - 3**0.5) / 6), ("acceleration-limit", (3 + 3**0.5) / 6), ("velocity-limit", 0.5)]
+    assert [limit for limit, _ in at] == [limit for limit, _ in expected]
+    assert [u for _, u in at] == pytest.approx([u for _, u in expected], abs=1e-9)
+    for instant in found:
+        assert instant.slope is not None
+        assert instant.slope == pytest.approx([0.0], abs=1e-6)
+
+
+def test_a_first_grid_of_the_users_own_is_used() -> None:
+    problem = quintic_problem()
+    solution = solve(problem, TIME, solver=Exchange(first=uniform_instants(problem, 40)))
+    assert solution.audit is not None and solution.audit.proved
+    assert solution.x[0] == pytest.approx(Quintic().least_time, rel=10 * BACK_OFF)
+    assert solution.row_count >= 80
+
+
+def test_progress_is_told_of_every_round() -> None:
+    told: list[tuple[int, int, str]] = []
+    solution = solve(
+        quintic_problem(), TIME, solver=Exchange(progress=lambda done, total, words: told.append((done, total, words)))
+    )
+    assert [done for done, _, _ in told] == list(range(1, solution.rounds + 1))
+    assert "proved" in told[-1][2] and told[-1][1] == 10
+
+
+@pytest.mark.parametrize(
+    ("scalar", "expected"),
+    [
+        (EpsilonConstraint("effort", {"time": 2.0}), 2.0),
+        (EpsilonConstraint("time", {"effort": 5.0}), (Quintic().effort_constant / 5.0) ** (1 / 3)),
+        (EpsilonConstraint("effort", {"speed": 0.4}), 2.5),
+    ],
+    ids=str,
+)
+def test_every_scalarisation_ends_proved_and_on_its_closed_form(scalar: Scalarisation, expected: float) -> None:
+    solution = solve(quintic_problem(), scalar)
+    assert solution.audit is not None and solution.audit.proved
+    assert solution.x == pytest.approx([expected], rel=1e-7)
+    assert solution.objectives["time"] == solution.x[0]
+
+
+def test_the_extra_variable_of_goal_attainment_is_no_part_of_x() -> None:
+    """Goals out of reach, time alone weighted: gamma = (T_least - 0.1) / 1, and x holds the problem's variables only."""
+    solution = solve(quintic_problem(), GoalAttainment({"time": 0.1}, {"time": 1.0}))
+    assert solution.x.shape == (1,)
+    assert solution.x[0] == pytest.approx(Quintic().least_time, rel=10 * BACK_OFF)
+    assert solution.f == pytest.approx(Quintic().least_time - 0.1, rel=1e-7)
+
+
+# --- hybrid-spline: least time ---
+
+
+def test_least_time_is_feasible_by_a_scan_that_shares_nothing_with_the_solver(fastest: Solution) -> None:
+    """20 000 instants of the saved file through scipy's BPoly and pinocchio's rnea."""
+    assert fastest.trajectory is not None
+    excess = HybridRobot(10.0).worst_excess(fastest.trajectory.to_dict(), 20_000)
+    assert excess <= 0.0
+    assert excess >= -1e-6  # and the limit is used up, as it must be at the least time
+
+
+def test_least_time_is_proved_in_few_rounds_with_few_rows(fastest: Solution) -> None:
+    assert fastest.status is Status.SOLVED
+    assert fastest.audit is not None and fastest.audit.proved
+    assert fastest.rounds <= 6
+    assert fastest.row_count <= 365  # DESIGN.md, idea 3
+    assert fastest.objectives["time"] == fastest.f == pytest.approx(FASTEST, rel=1e-6)
+    assert fastest.f == pytest.approx(fastest.x.sum(), rel=1e-14)
+
+
+def test_a_uniform_grid_of_ten_an_interval_is_larger_and_still_broken_between(hybrid: Problem, fastest: Solution) -> None:
+    nlp = transcribe(hybrid, TIME, uniform_instants(hybrid, 10))
+    gridded = Ipopt().solve(nlp, fastest.x).require()
+    data = trajectory(hybrid, gridded.x).to_dict()
+    assert len(nlp.rows) > 5 * fastest.row_count
+    assert gridded.f < fastest.f - 1e-4
+    assert HybridRobot(10.0).worst_excess(data, 4_000) > 1e-4
+    assert trajectory(hybrid, gridded.x).audit().verdict == "violated"
+
+
+def test_one_round_is_repaired_by_slowing_down(hybrid: Problem) -> None:
+    solution = solve(hybrid, TIME, solver=Exchange(max_rounds=1))
+    assert solution.status is Status.FEASIBLE
+    assert solution.audit is not None and solution.audit.proved
+    assert solution.trajectory is not None
+    assert HybridRobot(10.0).worst_excess(solution.trajectory.to_dict(), 4_000) <= 0.0
+    assert FASTEST < solution.objectives["time"] < 1.1 * FASTEST
+    assert "slowed down" in solution.detail
+    assert solution.objectives == evaluate_objectives(hybrid, solution.x)
+
+
+def test_without_repair_one_round_ends_unproved(hybrid: Problem) -> None:
+    solution = solve(hybrid, TIME, solver=Exchange(max_rounds=1, repair=False))
+    assert solution.audit is not None and not solution.audit.proved
+    assert solution.objectives["time"] < FASTEST
+
+
+def test_exchange_repeats_itself_bit_by_bit(fastest: Solution) -> None:
+    again = solve(problems.load("hybrid-spline"), TIME)
+    assert_array_equal(again.x, fastest.x)
+    assert (again.f, again.rounds, again.iterations) == (fastest.f, fastest.rounds, fastest.iterations)
+
+
+def test_a_warm_start_from_the_solutions_own_instants_takes_fewer_iterations(hybrid: Problem, fastest: Solution) -> None:
+    warm = Exchange(first=fastest.instants).solve(hybrid, TIME, fastest.x)
+    assert warm.audit is not None and warm.audit.proved
+    assert warm.f == pytest.approx(FASTEST, rel=1e-6)
+    assert warm.iterations < fastest.iterations
+
+
+# --- hybrid-spline: least cost ---
+
+
+def test_least_cost_is_feasible_by_scan_and_proved(cheapest: Solution) -> None:
+    assert cheapest.trajectory is not None
+    assert HybridRobot(10.0).worst_excess(cheapest.trajectory.to_dict(), 20_000) < 0.0
+    assert cheapest.audit is not None and cheapest.audit.proved
+    assert cheapest.objectives["cost"] == pytest.approx(CHEAPEST, rel=1e-5)
+
+
+def test_no_limit_is_active_at_the_least_cost(hybrid: Problem, cheapest: Solution) -> None:
+    """guo2016.md, known results; so that the gradient of the cost vanishes there."""
+    assert cheapest.audit is not None and cheapest.audit.margin > 1e-3
+    step = 1e-5
+    for i in range(12):
+        e = step * np.eye(12)[i]
+        up, down = (evaluate_objectives(hybrid, cheapest.x + s * e)["cost"] for s in (1.0, -1.0))
+        assert abs(up - down) / (2 * step) < 1e-4
+        assert min(up, down) >= cheapest.f
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_least_cost_does_not_depend_on_the_start(hybrid: Problem, seed: int) -> None:
+    solution = solve(hybrid, COST, seed)
+    assert solution.audit is not None and solution.audit.proved
+    assert solution.f == pytest.approx(CHEAPEST, rel=1e-5)
+
+
+def test_least_cost_in_the_papers_convention_beats_the_papers_own() -> None:
+    """Table 9: NSGA-II 3.093, fmincon 3.220 on the average."""
+    problem = problems.load("hybrid-spline", convention="paper-literal")
+    solution = solve(problem, COST)
+    assert solution.trajectory is not None
+    assert HybridRobot(10.0, literal=True).worst_excess(solution.trajectory.to_dict(), 4_000) < 0.0
+    assert solution.audit is not None and solution.audit.proved
+    assert solution.f == pytest.approx(CHEAPEST_LITERAL, rel=1e-5)
+    assert solution.f < 3.093
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("convention", "name", "value"),
+    [("physical", "cost", CHEAPEST), ("paper-literal", "cost", CHEAPEST_LITERAL), ("physical", "time", FASTEST)],
+)
+def test_twenty_starts_end_at_the_same_proved_optimum(convention: str, name: str, value: float) -> None:
+    problem = problems.load("hybrid-spline", convention=convention)
+    solutions = [solve(problem, WeightedSum({name: 1.0}), seed) for seed in range(20)]
+    assert all(solution.audit is not None and solution.audit.proved for solution in solutions)
+    machine = HybridRobot(10.0, literal=convention == "paper-literal")
+    assert all(machine.worst_excess(s.trajectory.to_dict(), 2_000) <= 0.0 for s in solutions if s.trajectory)
+    assert [solution.f for solution in solutions] == pytest.approx([value] * 20, rel=1e-5)
+
+
+# --- infeasible ---
+
+
+def test_a_payload_too_heavy_is_reported_with_the_force_it_takes() -> None:
+    """At rest F3 = -(38.475 + 13) g, whatever the intervals: 4.8 N too much; in motion it can only be more."""
+    problem = problems.load("hybrid-spline", payload=13.0)
+    solution = solve(problem, TIME)
+    assert solution.status is Status.INFEASIBLE
+    assert not solution.ok
+    worst = solution.conflicts[0]
+    assert (worst.row.limit, worst.row.label, worst.bound) == ("force", "F3", pytest.approx(-500.0, rel=1e-6))
+    static = (sum(mass for mass, _, _ in LINKS[1:]) + 13.0) * G - 500.0
+    assert worst.excess >= static - 1e-3
+    assert worst.value == pytest.approx(-500.0 - worst.excess, rel=1e-6)
+    assert "force F3" in solution.explain()
+
+
+def test_a_bound_no_trajectory_meets_is_named_beside_what_stops_it() -> None:
+    """T <= 1 s against a least time of 1.07 s."""
+    solution = solve(quintic_problem(), EpsilonConstraint("effort", {"time": 1.0}))
+    assert solution.status is Status.INFEASIBLE
+    assert {conflict.row.limit for conflict in solution.conflicts} == {"time", "acceleration-limit"}
+    assert solution.trajectory is None or solution.audit is None or not solution.audit.proved
+
+
+def test_repair_is_not_tried_where_the_problem_does_not_dilate() -> None:
+    problem = replace(quintic_problem(), dilate=None)
+    solution = solve(problem, TIME, solver=Exchange(max_rounds=1))
+    assert solution.audit is not None and not solution.audit.proved
+    assert few_instants(problem) == () or solution.status is not Status.FEASIBLE

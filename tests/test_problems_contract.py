@@ -1,0 +1,242 @@
+"""What every registered problem must do; a new paper gets these tests with its line in the registry."""
+
+import ast
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from ocp_traj import problems
+from ocp_traj.audit import VIOLATED
+from ocp_traj.population import Population
+from ocp_traj.problem import Problem
+from ocp_traj.scalarise import WeightedSum
+from ocp_traj.tape import Tape
+from ocp_traj.trajectory import Trajectory
+from ocp_traj.transcription import (
+    evaluate_objectives,
+    few_instants,
+    objective_function,
+    trajectory,
+    transcribe,
+)
+from tests.closed_form import Direct
+
+# Cases other than the default one that must pass as well.
+VARIANTS: dict[str, list[dict[str, Any]]] = {
+    "hybrid-spline": [
+        {"convention": "paper-literal"},
+        {"via_points": "table6", "payload": 7.5, "weights": (1.0, 0.0, 0.5, 2.0)},
+        {"free_payload": True, "max_interval": 3.0},
+    ],
+}
+CASES = [(name, changes) for name in problems.names() for changes in ({}, *VARIANTS.get(name, ()))]
+EPS = np.finfo(float).eps
+
+
+@pytest.fixture(scope="module", params=CASES, ids=lambda case: f"{case[0]} {case[1] or ''}".strip())
+def problem(request: pytest.FixtureRequest) -> Problem:
+    name, changes = request.param
+    return problems.load(name, **changes)
+
+
+def guess(problem: Problem, seed: int = 0) -> np.ndarray:
+    return problem.guess(np.random.default_rng(seed))
+
+
+# --- variables ---
+
+
+def test_guesses_lie_within_the_bounds_and_differ(problem: Problem) -> None:
+    points = np.array([guess(problem, seed) for seed in range(100)])
+    assert points.shape == (100, problem.size)
+    assert (points >= problem.lower).all()
+    assert (points <= problem.upper).all()
+    assert len(np.unique(points, axis=0)) == 100
+
+
+def test_a_guess_depends_on_the_seed_alone(problem: Problem) -> None:
+    again = problems.load(problem.id, **trajectory(problem, guess(problem)).case)
+    for seed in range(5):
+        assert_array_equal(guess(problem, seed), guess(problem, seed))
+        assert_array_equal(guess(problem, seed), guess(again, seed))
+
+
+def test_every_variable_has_a_label_a_unit_and_bounds_with_room(problem: Problem) -> None:
+    assert len(set(problem.labels)) == len(problem.labels) == len(problem.units) == problem.size
+    assert (problem.lower < problem.upper).all()
+    assert np.isfinite([problem.lower, problem.upper]).all()
+
+
+# --- what lists and reports need ---
+
+
+def test_the_problem_says_what_it_is(problem: Problem) -> None:
+    assert problem.id in problems.names()
+    assert problem.title and problem.reference and problem.curve_kind
+    assert type(problem.case) is problems.case_class(problem.id)
+    assert "Deviations" in (problems.module(problem.id).__doc__ or "")
+    assert problem.default_objective in {o.id for o in problem.objectives}
+    assert set(problem.reference_point) <= {o.id for o in problem.objectives}
+    assert problem.robot is None or problem.robot.joints == problem.requirements.joints
+
+
+def test_every_objective_has_a_unit_and_an_equation(problem: Problem) -> None:
+    for objective in problem.objectives:
+        assert objective.unit and objective.eq, objective.id
+
+
+def test_every_limit_has_units_labels_an_equation_and_a_bound(problem: Problem) -> None:
+    requirements = problem.requirements
+    assert len(requirements.joint_units) == requirements.dof
+    for limit in (*requirements.path_constraints, *requirements.point_constraints):
+        rows = requirements.function(limit).numel_out(0)
+        assert rows == len(limit.labels) == len(limit.units) == len(set(limit.labels)), limit.id
+        assert all(limit.labels) and all(limit.units) and limit.eq, limit.id
+    for limit in requirements.path_constraints:
+        assert (np.isfinite(limit.lower) | np.isfinite(limit.upper)).all(), limit.id
+
+
+def test_limits_are_smooth_so_that_the_audit_can_prove_them(problem: Problem) -> None:
+    for limit in problem.requirements.path_constraints:
+        Tape(problem.requirements.function(limit)).require_smooth(limit.id)  # raises where there is a kink
+
+
+def test_a_problem_module_imports_no_solver_and_no_solver_a_problem_module() -> None:
+    root = Path(__file__).parents[1]
+    for folder, banned in (("problems", "ocp_traj.solvers"), ("solvers", "ocp_traj.problems")):
+        for file in (root / folder).glob("*.py"):
+            for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+                names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+                if isinstance(node, ast.ImportFrom):
+                    names = [f"{node.module}.{a.name}" for a in node.names]
+                assert not any(name.startswith(banned) for name in names), file
+
+
+# --- objectives and limits ---
+
+
+def test_objectives_agree_however_they_are_computed(problem: Problem) -> None:
+    """The NLP's function, the population's tape, and the definition on numbers."""
+    names = [o.id for o in problem.objectives]
+    xs = np.array([guess(problem, seed) for seed in range(3)])
+    tape = Population(problem, names).evaluate(xs).objectives
+    for x, row in zip(xs, tape, strict=True):
+        compiled = np.array(objective_function(problem)(x)).ravel()
+        assert list(evaluate_objectives(problem, x).values()) == compiled.tolist()
+        assert_allclose(row, compiled, rtol=1e-10)
+    direct = Direct(problem, xs[0])
+    assert_allclose(tape[0], [direct.objective(name) for name in names], rtol=1e-10)
+
+
+def test_violations_of_a_population_are_those_on_numbers(problem: Problem) -> None:
+    x = guess(problem, 1)
+    found = Population(problem, [problem.default_objective], 3).evaluate(x).violations[0]
+    direct = Direct(problem, x)
+    # Of a limit that is continuous at a knot both sides are one: looking at both does no harm.
+    expected = [direct.excess(limit, (0.0, 0.5, 1.0)) for limit in problem.requirements.path_constraints]
+    assert_allclose(found, np.concatenate(expected), rtol=1e-9, atol=1e-9)
+
+
+def test_structural_point_constraints_hold_for_any_variables(problem: Problem) -> None:
+    rng = np.random.default_rng(0)
+    for point in problem.requirements.point_constraints:
+        if point.structural:
+            for x in (guess(problem), rng.uniform(problem.lower, problem.upper)):
+                direct = Direct(problem, x)
+                for i, (k, u) in enumerate(point.at):
+                    value = direct.limit(point, k % len(direct.segments), u)
+                    assert (value <= point.upper[i] + point.tolerance).all(), point.id
+                    assert (value >= point.lower[i] - point.tolerance).all(), point.id
+
+
+def test_promised_continuity_holds_for_any_variables(problem: Problem) -> None:
+    rng = np.random.default_rng(1)
+    for x in (guess(problem), rng.uniform(problem.lower, problem.upper)):
+        curve = trajectory(problem, x).curve
+        for order in range(problem.requirements.continuity + 1):
+            size = np.abs(np.concatenate(curve.hull(order))).max()
+            assert np.abs(curve.jump(order)).max(initial=0.0) <= 1e-9 * size
+
+
+def _matches_central_differences(function: ca.Function, x: np.ndarray) -> None:
+    """Every column of the Jacobian, with Richardson's extrapolation of two steps: error O(step^4) and eps / step."""
+    symbol = ca.MX.sym("x", len(x))
+    jacobian = np.array(ca.densify(ca.Function("J", [symbol], [ca.jacobian(function(symbol), symbol)])(x)))
+    value = np.array(function(x)).ravel()
+    step = 1e-4
+    for j in range(len(x)):
+        slopes = []
+        for width in (step, step / 2):
+            e = width * max(abs(x[j]), 0.1) * np.eye(len(x))[j]
+            slopes.append(np.array(function(x + e) - function(x - e)).ravel() / (2 * e[j]))
+        slope = (4 * slopes[1] - slopes[0]) / 3
+        size = np.maximum(np.abs(jacobian).max(axis=1) + np.abs(value), 1e-3)  # rows are of order one; some vanish
+        assert_allclose(jacobian[:, j] / size, slope / size, rtol=0, atol=1e-7)
+
+
+def test_gradients_of_the_objectives_match_central_differences(problem: Problem) -> None:
+    _matches_central_differences(objective_function(problem), guess(problem, 2))
+
+
+def test_jacobian_of_the_limits_matches_central_differences(problem: Problem) -> None:
+    nlp = transcribe(problem, WeightedSum({problem.default_objective: 1.0}), few_instants(problem))
+    _matches_central_differences(ca.Function("g", [nlp.x], [nlp.g]), guess(problem, 2))
+
+
+# --- trajectories ---
+
+
+def test_a_problem_is_rebuilt_from_what_its_trajectory_stores(problem: Problem) -> None:
+    x = guess(problem, 3)
+    stored = trajectory(problem, x)
+    again = problems.load(stored.problem, **stored.case)
+    assert again.case == problem.case
+    assert_array_equal(np.concatenate([stored.variables[v.id] for v in again.variables]), x)
+    rebuilt = trajectory(again, x)
+    assert_array_equal(rebuilt.curve.durations, stored.curve.durations)
+    for ours, theirs in zip(rebuilt.curve.control_points, stored.curve.control_points, strict=True):
+        assert_array_equal(ours, theirs)
+    assert rebuilt.parameters == stored.parameters
+    assert evaluate_objectives(again, x) == evaluate_objectives(problem, x)
+
+
+def test_a_trajectory_survives_its_file_bit_by_bit(problem: Problem, tmp_path: Path) -> None:
+    one = trajectory(problem, guess(problem, 4))
+    two = Trajectory.load(one.save(tmp_path / "trajectory.json"))
+    assert two.to_dict() == one.to_dict()
+    assert_array_equal(two.curve.durations, one.curve.durations)
+    for ours, theirs in zip(two.curve.control_points, one.curve.control_points, strict=True):
+        assert_array_equal(ours, theirs)
+    again = problems.load(two.problem, **two.case)
+    assert again.case == problem.case
+
+
+def test_dilation_keeps_the_path_and_its_parameters(problem: Problem) -> None:
+    if problem.dilate is None:
+        pytest.skip("this problem does not dilate")
+    x = guess(problem, 5)
+    one, two = trajectory(problem, x), trajectory(problem, problem.dilate(x, 1.37))
+    assert_allclose(two.curve.durations, 1.37 * one.curve.durations, rtol=4 * EPS)
+    for ours, theirs in zip(two.curve.control_points, one.curve.control_points, strict=True):
+        assert_allclose(ours, theirs, rtol=0, atol=1e-12 * np.abs(theirs).max())
+    assert two.parameters == one.parameters
+    assert_array_equal(problem.dilate(x, 1.0), x)
+
+
+def test_the_audit_of_a_guess_encloses_what_direct_evaluation_finds(problem: Problem) -> None:
+    x = guess(problem, 6)
+    found = trajectory(problem, x).audit()
+    rows = {(row.limit, row.label): row for row in found.rows}
+    direct, broken = Direct(problem, x), 0
+    for limit in problem.requirements.path_constraints:
+        excess = direct.excess(limit, (0.0, 0.4, 0.8))
+        for label, worst in zip(limit.labels, excess, strict=True):
+            assert -rows[limit.id, label].margin >= worst - 1e-9
+            if worst > 1e-9:
+                broken += 1
+                assert rows[limit.id, label].verdict == VIOLATED
+    assert not (broken and found.proved)
