@@ -277,20 +277,24 @@ class _Prover:
         return max(requirements.order(limit), 0), value, Tape(casadi.Function("curvature", [x, u, p, c, rate], both))
 
     def run(self) -> list[list[AuditRow]]:
-        for degree in sorted({n for t in self.trajectories for n in t.curve.degrees}):
-            self._prove(self._arcs(degree))
+        if self.trajectories:
+            self._prove(self._arcs())
         return [self._rows(index) for index in range(len(self.trajectories))]
 
-    def _arcs(self, degree: int) -> Arcs:
-        members = [
-            (i, k, t.curve.control_points[k], t.curve.durations[k])
-            for i, t in enumerate(self.trajectories)
-            for k, n in enumerate(t.curve.degrees)
-            if n == degree
-        ]
-        owner, segment, points, duration = zip(*members, strict=True)
+    def _arcs(self) -> Arcs:
+        """All segments of all trajectories."""
         orders = self.limit.order if self.limit.order is not None else self.order + 2
-        return Arcs.of_segments(np.array(owner), np.array(segment), np.array(points), np.array(duration), orders)
+        parts = []
+        for degree in sorted({n for t in self.trajectories for n in t.curve.degrees}):
+            members = [
+                (i, k, t.curve.control_points[k], t.curve.durations[k])
+                for i, t in enumerate(self.trajectories)
+                for k, n in enumerate(t.curve.degrees)
+                if n == degree
+            ]
+            owner, segment, points, duration = map(np.array, zip(*members, strict=True))
+            parts.append(Arcs.of_segments(owner, segment, points, duration, orders))
+        return Arcs.join(parts)
 
     def _prove(self, arcs: Arcs) -> None:
         start, end = self._values(arcs, 0), self._values(arcs, -1)

@@ -159,12 +159,15 @@ def compare(
     """Compares a printed number, digit by digit as it stands in the paper, with ours.
 
     Args:
-        table, item, unit, note: as in ``Comparison``.
+        table: as in ``Comparison``.
+        item: as in ``Comparison``.
         printed: in the paper.
         ours: our number [unit].
+        unit: of both.
         slack: on top of half a unit of the last digit, such as a ``rounding_effect``.
         tolerance: in place of both.
         should_read: what is taken for meant, if the printed number is no reading of ours but this is.
+        note: what explains it.
     """
 
     def is_ours(text: str, allowed: float) -> bool:

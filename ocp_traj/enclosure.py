@@ -8,6 +8,7 @@ lies above g.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +30,7 @@ def outward(lower: Array, upper: Array) -> Pair:
 
 @dataclass(frozen=True, eq=False)
 class Arcs:
-    """N sub-arcs of segments of one degree.
+    """N sub-arcs of segments, written at one degree n.
 
     Attributes:
         owner: index of the trajectory ``(N,)``, ascending.
@@ -67,12 +68,25 @@ class Arcs:
         n = len(owner)
         return cls(owner, segment, np.zeros(n), np.ones(n), duration, tuple(hodographs))
 
+    @classmethod
+    def join(cls, parts: Sequence[Arcs]) -> Arcs:
+        """All arcs of some, in the order of their owners, as arcs of the highest degree among them."""
+        counts = [max(low.shape[1] for low, _ in pairs) for pairs in zip(*(p.hodographs for p in parts), strict=True)]
+        raised = [
+            [(_elevated(low, n, -1.0), _elevated(high, n, 1.0)) for n, (low, high) in zip(counts, p.hodographs, strict=True)]
+            for p in parts
+        ]
+        names = ("owner", "segment", "a", "b", "duration")
+        plain = [np.concatenate([getattr(part, name) for part in parts]) for name in names]
+        pairs = [tuple(np.concatenate(ends) for ends in zip(*same, strict=True)) for same in zip(*raised, strict=True)]
+        return cls(*plain, tuple((low, high) for low, high in pairs)).take(np.lexsort((plain[1], plain[0])))
+
     def __len__(self) -> int:
         """Number of arcs."""
         return len(self.owner)
 
     def take(self, which: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Arcs:
-        """The arcs at these ascending indices."""
+        """The arcs at these indices."""
         return Arcs(
             self.owner[which], self.segment[which], self.a[which], self.b[which], self.duration[which],
             tuple((low[which], high[which]) for low, high in self.hodographs),
@@ -129,7 +143,7 @@ def interleave(left: Array, right: Array) -> Array:
 
 
 def _de_casteljau(lower: Array, upper: Array, r: Array, s: Array) -> tuple[Pair, Pair]:
-    """Outward-rounded control points of both parts; r, s in (0, 1) are exact and sum to 1, ``(N, 1, 1)``."""
+    """Outward-rounded control points of both parts; r + s = 1, ``(N, 1, 1)``."""
     left, right = [(lower[:, :1], upper[:, :1])], [(lower[:, -1:], upper[:, -1:])]
     while lower.shape[1] > 1:
         lower, upper = _mean(lower, r, s, -1.0), _mean(upper, r, s, 1.0)
@@ -139,10 +153,20 @@ def _de_casteljau(lower: Array, upper: Array, r: Array, s: Array) -> tuple[Pair,
     return (ends[0][0], ends[0][1]), (ends[1][0], ends[1][1])
 
 
+def _elevated(points: Array, count: int, outward: float) -> Array:
+    """Bounds on one side of ``count`` control points of the same curves; Farin (2002), sect. 6.1."""
+    while points.shape[1] < count:
+        n = points.shape[1]
+        s = np.arange(1, n)[:, None] / n
+        points = np.concatenate([points[:, :1], _mean(points, 1.0 - s, s, outward), points[:, -1:]], axis=1)
+    return points
+
+
 def _mean(points: Array, r: Array, s: Array, outward: float) -> Array:
     """Bound of s P_i + r P_{i+1} on one side, and not beyond the farther of the two, where no mean lies."""
     first, second = points[:, :-1], points[:, 1:]
-    # Each product and the sum round once: together by less than 2^-52 of the larger point, or one subnormal number.
+    # The products and the sum round by less than 2^-52 of the larger point together, or by one subnormal number; r and
+    # s, where they are not exact, by 2^-53 together.
     slack = 4e-16 * np.maximum(np.abs(first), np.abs(second))
     mean = np.nextafter(s * first + r * second + outward * slack, outward * np.inf)
     return np.minimum(mean, np.maximum(first, second)) if outward > 0.0 else np.maximum(mean, np.minimum(first, second))

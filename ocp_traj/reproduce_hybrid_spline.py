@@ -179,7 +179,16 @@ def payloads(sheet: Sheet, problem: Problem) -> None:
         reached += f"; a search in steps of {STEP} kg that reports the first mass too many ends at {first:.2f} kg"
     sheet.add("Payload", f"along Table 7, {convention}", printed, carried.payload, "kg", note=reached)
     sheet.add("Payload", f"every time law, {convention}", printed, bound.payload, "kg", note=bound.argument)
-    lift = next(f for f in fixed_values(problem) if f.limit.labels[f.row] == "F3" and f.segment == 0)
-    limit, force = float(lift.limit.upper[lift.row]), abs(float(lift.value(float(printed))))
-    note = f"Table 2 beside what {printed} kg need at rest at the start"
-    sheet.add("Payload", f"|F3| with {printed} kg, {convention}", f"{limit:g}", force, "N", tolerance=0.0, note=note)
+    rows = [f for f in fixed_values(problem) if f"{f.limit.id} {f.limit.labels[f.row]}" == bound.binding]
+    force = max(abs(float(row.value(float(printed)))) for row in rows)
+    note = f"the limit of Table 2, and what {printed} kg need at rest"
+    label = bound.binding.split()[1]
+    sheet.add(
+        "Payload",
+        f"|{label}| with {printed} kg, {convention}",
+        f"{bound.bound:g}".lstrip("-"),
+        force,
+        bound.unit,
+        tolerance=0.0,
+        note=note,
+    )

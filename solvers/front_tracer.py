@@ -31,6 +31,7 @@ from ocp_traj.solvers.pareto_set import ParetoSet
 
 Array = NDArray[np.float64]
 
+FLAT = 1e-7  # relative: ends closer than this are one point; our choice, far above what back-off and solver leave open
 RAY = np.concatenate([np.linspace(0.5, 1.0, 40), np.linspace(1.0, 2.0, 41)[1:]])  # dilations tried: our choice
 
 
@@ -108,7 +109,9 @@ class _Trace:
 
     def fill(self) -> None:
         """Halves the widest gap until there are enough points or no gap is left."""
-        span = np.maximum(np.ptp(self.values, axis=0), 1e-12)
+        span = np.ptp(self.values, axis=0)
+        if (span <= FLAT * np.abs(self.values).max(axis=0)).any():
+            return  # the ends are one point: there is nothing to trade
         closed: set[tuple[float, float]] = set()  # gaps in which nothing new was found
         while len(self.solutions) < self.tracer.points and time.perf_counter() < self.deadline:
             order = np.argsort(self.values[:, 0])

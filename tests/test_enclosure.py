@@ -95,6 +95,31 @@ def test_arcs_contain_the_exact_curve_however_they_are_cut(size: float) -> None:
         assert Fraction(float(arcs.width()[0])) >= (b - a) * Fraction(duration)
 
 
+@pytest.mark.parametrize("size", SIZES)
+def test_joined_arcs_of_several_degrees_contain_the_exact_curves_and_stay_in_order(size: float) -> None:
+    rng = np.random.default_rng(8)
+    cases = [random_case(rng, size) for _ in range(6)]
+    parts = [
+        Arcs.of_segments(np.array([i % 2]), np.array([i]), points[None], np.array([duration]), ORDERS)
+        for i, (points, duration) in enumerate(cases)
+    ]
+    joined = Arcs.join(parts)
+    assert joined.owner.tolist() == [0, 0, 0, 1, 1, 1] and joined.segment.tolist() == [0, 2, 4, 1, 3, 5]
+    assert joined.hodographs[0][0].shape[1] == max(len(points) for points, _ in cases)
+    for row, (points, duration) in enumerate(cases[i] for i in joined.segment):
+        for order in range(ORDERS + 1):
+            exact = exact_hodograph(points, duration, order)
+            low, high = (end[row] for end in joined.hodographs[order])
+            while len(exact) < len(low):
+                n = len(exact)
+                inner = [
+                    [Fraction(i, n) * x + (1 - Fraction(i, n)) * y for x, y in zip(exact[i - 1], exact[i], strict=True)]
+                    for i in range(1, n)
+                ]
+                exact = [exact[0], *inner, exact[-1]]
+            assert contains((low, high), exact)
+
+
 def test_recorded_ends_of_arcs_stay_within_the_slack_after_every_cut() -> None:
     rng = np.random.default_rng(3)
     for _ in range(300):

@@ -1,0 +1,137 @@
+"""Many starts: each depends on the seed and its own number alone, and the best proved one wins."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from ocp_traj.audit import PROVED, UNDECIDED, Audit, AuditRow
+from ocp_traj.nlp import Solution, Status
+from ocp_traj.problem import Problem
+from ocp_traj.scalarise import EpsilonConstraint, WeightedSum
+from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.multistart import Multistart, best_of
+from tests.closed_form import Quintic, quintic_problem
+
+TIME = WeightedSum({"time": 1.0})
+
+
+def audit_of(verdict: str) -> Audit:
+    return Audit((AuditRow("l", "j", "m", 1.0, 0.0, 0.0, 0.0, 0.1, verdict, 1),))
+
+
+def solution(f: float, status: Status = Status.SOLVED, verdict: str | None = PROVED) -> Solution:
+    return Solution(
+        "p", np.array([f]), f, status, 0.0, 1, 0.0, audit=None if verdict is None else audit_of(verdict)
+    )
+
+
+# --- starting points ---
+
+
+def test_starts_are_a_prefix_of_more_starts(hybrid: Problem) -> None:
+    few, many = (Multistart(starts=n, seed=7).points(hybrid) for n in (3, 8))
+    assert len(many) == 8
+    assert_array_equal(few, many[:3])
+
+
+def test_starts_differ_from_each_other_and_between_seeds(hybrid: Problem) -> None:
+    points = np.concatenate([Multistart(starts=5, seed=s).points(hybrid) for s in (0, 1, 2)])
+    assert len(np.unique(points, axis=0)) == 15
+
+
+def test_starts_do_not_depend_on_numpys_global_state(hybrid: Problem) -> None:
+    np.random.seed(1)
+    one = Multistart(starts=2, seed=3).points(hybrid)
+    np.random.seed(2)
+    assert_array_equal(one, Multistart(starts=2, seed=3).points(hybrid))
+
+
+# --- solving ---
+
+
+def test_the_same_seed_gives_the_same_solutions_bit_by_bit() -> None:
+    one, two = (Multistart(starts=4, seed=5).solve_all(quintic_problem(), TIME) for _ in range(2))
+    assert [s.x.tolist() for s in one] == [s.x.tolist() for s in two]
+    assert [s.iterations for s in one] == [s.iterations for s in two]
+
+
+def test_a_start_is_solved_the_same_whatever_comes_after_it() -> None:
+    few, many = (Multistart(starts=n, seed=5).solve_all(quintic_problem(), TIME) for n in (2, 4))
+    assert [s.x.tolist() for s in few] == [s.x.tolist() for s in many[:2]]
+
+
+def test_the_best_of_all_starts_is_returned_with_the_time_of_all() -> None:
+    problem = quintic_problem()
+    best = Multistart(starts=4, seed=0).solve(problem, TIME)
+    every = Multistart(starts=4, seed=0).solve_all(problem, TIME)
+    assert best.f == min(s.f for s in every)
+    assert best.audit is not None and best.audit.proved
+    assert best.x[0] == pytest.approx(Quintic().least_time, rel=1e-8)
+    assert best.seconds > max(s.seconds for s in every) / 2
+
+
+def test_progress_is_told_after_every_start() -> None:
+    told: list[tuple[int, int, str]] = []
+    Multistart(starts=3, progress=lambda *words: told.append(words)).solve(quintic_problem(), TIME)
+    assert [(done, total) for done, total, _ in told] == [(1, 3), (2, 3), (3, 3)]
+    assert all(words.startswith("best 0.53728") for _, _, words in told)  # 1.0746 s over the scale 2
+
+
+def test_where_every_start_is_infeasible_the_answer_says_why() -> None:
+    found = Multistart(starts=2).solve(quintic_problem(), EpsilonConstraint("effort", {"time": 1.0}))
+    assert found.status is Status.INFEASIBLE
+    assert found.conflicts
+
+
+class _Interrupting(Exchange):
+    """Solves twice, then is interrupted."""
+
+    def solve(self, *args: object, **options: object) -> Solution:
+        counts.append(1)
+        if len(counts) > self.max_rounds:
+            raise KeyboardInterrupt
+        return solution(float(-len(counts)))
+
+
+counts: list[int] = []
+
+
+def test_ctrl_c_keeps_the_solutions_so_far() -> None:
+    counts.clear()
+    found = Multistart(_Interrupting(max_rounds=2), starts=9).solve_all(quintic_problem(), TIME)
+    assert [s.f for s in found] == [-1.0, -2.0]
+
+
+def test_ctrl_c_before_the_first_solution_ends_it() -> None:
+    counts.clear()
+    with pytest.raises(KeyboardInterrupt):
+        Multistart(_Interrupting(max_rounds=0), starts=9).solve_all(quintic_problem(), TIME)
+
+
+# --- the best ---
+
+
+@pytest.mark.parametrize(
+    ("better", "worse"),
+    [
+        (solution(2.0), solution(3.0)),
+        (solution(3.0), solution(2.0, verdict=UNDECIDED)),
+        (solution(3.0), solution(2.0, verdict=None)),
+        (solution(3.0, Status.FEASIBLE), solution(2.0, verdict=UNDECIDED)),
+        (solution(3.0, verdict=UNDECIDED), solution(2.0, Status.FAILED, None)),
+        (solution(3.0, Status.INFEASIBLE, None), solution(2.0, Status.FAILED, None)),
+        (solution(3.0, Status.INFEASIBLE, None), solution(-np.inf, Status.UNBOUNDED, None)),
+    ],
+)
+def test_proved_beats_usable_beats_infeasible_beats_failed_then_the_value_counts(
+    better: Solution, worse: Solution
+) -> None:
+    assert best_of([better, worse]) is better
+    assert best_of([worse, better]) is better
+
+
+def test_a_solution_without_a_value_never_wins() -> None:
+    sound = solution(5.0)
+    assert best_of([replace(sound, f=np.inf), sound]) is sound
