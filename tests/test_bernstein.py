@@ -273,7 +273,7 @@ def _joined(points: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
 
 
 def test_extrema_of_a_quartic_with_a_fourfold_root_and_of_constant_and_linear_joints() -> None:
-    """(u - 1/2)^4: its derivative has a triple root, which rounding splits into complex ones; the minimum is still 0."""
+    """(u - 1/2)^4: its derivative has a triple root, which rounding makes complex; the minimum is still 0."""
     quartic = [0.5**4 * (-1) ** i for i in range(5)]  # blossom of (u - 1/2)^4 at i ones and 4 - i zeros
     points = np.stack([quartic, np.full(5, 3.0), np.linspace(0.0, 2.0, 5)], axis=1)
     fourfold, constant, linear = PiecewiseBezier([1.0], (points,)).extrema()

@@ -56,9 +56,8 @@ def test_a_first_grid_blind_to_the_limit_gets_the_peaks_as_moving_instants() -> 
     candidate = trajectory(problem, [0.5])
     found = worst_instants(problem, candidate, audit(candidate, problem.requirements))
     at = sorted((instant.limit, instant.u) for instant in found)
-    expected = [("acceleration-limit", (3 - 3**0.5) / 6), ("acceleration-limit", (3 + 3**0.5) / 6), ("velocity-limit", 0.5)]
-    assert [limit for limit, _ in at] == [limit for limit, _ in expected]
-    assert [u for _, u in at] == pytest.approx([u for _, u in expected], abs=1e-9)
+    assert [limit for limit, _ in at] == ["acceleration-limit", "acceleration-limit", "velocity-limit"]
+    assert [u for _, u in at] == pytest.approx([(3 - 3**0.5) / 6, (3 + 3**0.5) / 6, 0.5], abs=1e-9)
     for instant in found:
         assert instant.slope is not None
         assert instant.slope == pytest.approx([0.0], abs=1e-6)
@@ -98,7 +97,7 @@ def test_every_scalarisation_ends_proved_and_on_its_closed_form(scalar: Scalaris
 
 
 def test_the_extra_variable_of_goal_attainment_is_no_part_of_x() -> None:
-    """Goals out of reach, time alone weighted: gamma = (T_least - 0.1) / 1, and x holds the problem's variables only."""
+    """Goals out of reach, time alone weighted: gamma = (T_least - 0.1) / 1, and x holds T alone."""
     solution = solve(quintic_problem(), GoalAttainment({"time": 0.1}, {"time": 1.0}))
     assert solution.x.shape == (1,)
     assert solution.x[0] == pytest.approx(Quintic().least_time, rel=10 * BACK_OFF)
@@ -125,7 +124,7 @@ def test_least_time_is_proved_in_few_rounds_with_few_rows(fastest: Solution) -> 
     assert fastest.f == pytest.approx(fastest.x.sum(), rel=1e-14)
 
 
-def test_a_uniform_grid_of_ten_an_interval_is_larger_and_still_broken_between(hybrid: Problem, fastest: Solution) -> None:
+def test_ten_instants_an_interval_are_more_rows_and_still_broken_between(hybrid: Problem, fastest: Solution) -> None:
     nlp = transcribe(hybrid, TIME, uniform_instants(hybrid, 10))
     gridded = Ipopt().solve(nlp, fastest.x).require()
     data = trajectory(hybrid, gridded.x).to_dict()
@@ -158,7 +157,7 @@ def test_exchange_repeats_itself_bit_by_bit(fastest: Solution) -> None:
     assert (again.f, again.rounds, again.iterations) == (fastest.f, fastest.rounds, fastest.iterations)
 
 
-def test_a_warm_start_from_the_solutions_own_instants_takes_fewer_iterations(hybrid: Problem, fastest: Solution) -> None:
+def test_a_start_from_the_solutions_own_instants_takes_fewer_iterations(hybrid: Problem, fastest: Solution) -> None:
     warm = Exchange(first=fastest.instants).solve(hybrid, TIME, fastest.x)
     assert warm.audit is not None and warm.audit.proved
     assert warm.f == pytest.approx(FASTEST, rel=1e-6)

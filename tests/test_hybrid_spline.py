@@ -10,9 +10,9 @@ from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
 from ocp_traj.problems import hybrid_spline as paper
 from ocp_traj.transcription import evaluate_objectives, trajectory
-from tests.closed_form import FORCE, LINKS, L1, L2, L3, L4, L5, L01, G, HybridRobot, clamped_spline
+from tests.closed_form import FORCE, L01, L1, L2, L3, L4, L5, LINKS, G, HybridRobot, clamped_spline
 
-# Table 6, read from the paper again: X_S1, X_S2, X_S3 [mm], phi4, phi5 [rad], without rows 2 and 12, which follow from h.
+# Table 6, read from the paper again: X_S1, X_S2, X_S3 [mm], phi4, phi5 [rad]; its rows 2 and 12 follow from h.
 # Row 6 prints X_S3 = 223.38; between 255.31 and 201.39 it must read 226.38.
 TABLE_6 = np.array(
     [
@@ -80,7 +80,7 @@ def test_inverse_kinematics_undoes_forward_kinematics() -> None:
 
 
 def test_tool_axes_are_unit_vectors_normal_to_the_polygon_and_point_down() -> None:
-    """Z0 points down, so a_z > 0; inside, the axis is normal to the secant between both neighbours (up to its vertical part)."""
+    """Z0 points down, so a_z > 0; inside, the axis is normal to the secant between both neighbours."""
     position, axis = paper.task_points()
     assert_allclose(np.linalg.norm(axis, axis=1), 1.0, rtol=1e-14)
     assert (axis[:, 2] > 0.0).all()

@@ -198,7 +198,7 @@ def test_the_time_limit_is_reported() -> None:
 
 
 def test_an_unbounded_program_is_said_to_be_unbounded() -> None:
-    solution = Ipopt(options={"diverging_iterates_tol": 1e6}).solve(small_nlp(1, lambda x: -x[0] ** 3), np.ones(1))
+    solution = Ipopt(options={"diverging_iterates_tol": 1e6}).solve(small_nlp(1, lambda x: -(x[0] ** 3)), np.ones(1))
     assert solution.status is Status.UNBOUNDED
 
 

@@ -22,9 +22,7 @@ def audit_of(verdict: str) -> Audit:
 
 
 def solution(f: float, status: Status = Status.SOLVED, verdict: str | None = PROVED) -> Solution:
-    return Solution(
-        "p", np.array([f]), f, status, 0.0, 1, 0.0, audit=None if verdict is None else audit_of(verdict)
-    )
+    return Solution("p", np.array([f]), f, status, 0.0, 1, 0.0, audit=None if verdict is None else audit_of(verdict))
 
 
 # --- starting points ---

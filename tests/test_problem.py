@@ -275,8 +275,8 @@ def test_blocks_of_variables_line_up_with_their_bounds_labels_and_units() -> Non
 def test_an_nlp_checks_its_shapes() -> None:
     x = ca.MX.sym("x", 2)
     given: dict[str, Any] = {
-        "name": "n", "x": x, "f": x[0], "g": x[:1], "lower_x": np.zeros(2), "upper_x": np.ones(2), "lower_g": np.zeros(1),
-        "upper_g": np.ones(1), "rows": (Row("r", ""),), "labels": ("a", "b"), "units": ("m", "m"),
+        "name": "n", "x": x, "f": x[0], "g": x[:1], "lower_x": np.zeros(2), "upper_x": np.ones(2),
+        "lower_g": np.zeros(1), "upper_g": np.ones(1), "rows": (Row("r", ""),), "labels": ("a", "b"), "units": ("m", "m"),
     }  # fmt: skip
     assert NLP(**given).rows[0].limit == "r"
     for field, value, message in (

@@ -39,7 +39,8 @@ def test_weighted_sum_reaches_the_point_where_the_front_has_its_slope(weights: t
     assert expected > CASE.least_time
     solution = solved(WeightedSum({"time": first, "effort": second}))
     assert solution.x[0] == pytest.approx(expected, rel=1e-6)
-    assert solution.f == pytest.approx(first * expected / TIME_SCALE + second * C / expected**3 / EFFORT_SCALE, rel=1e-8)
+    value = first * expected / TIME_SCALE + second * C / expected**3 / EFFORT_SCALE
+    assert solution.f == pytest.approx(value, rel=1e-8)
 
 
 def test_weights_of_zero_leave_their_objectives_out() -> None:
@@ -105,9 +106,7 @@ def test_goal_attainment_exceeds_every_goal_by_gamma_times_its_weight(
     expected = brentq(lambda t: (t - goals[0]) / weights[0] - (C / t**3 - goals[1]) / weights[1], 0.5, 9.0)
     assert expected > CASE.least_time
     names = ("time", "effort")
-    solution = solved(
-        GoalAttainment(dict(zip(names, goals, strict=True)), dict(zip(names, weights, strict=True)))
-    )
+    solution = solved(GoalAttainment(dict(zip(names, goals, strict=True)), dict(zip(names, weights, strict=True))))
     assert solution.x[0] == pytest.approx(expected, rel=1e-7)
     assert solution.x[1] == solution.f == pytest.approx((expected - goals[0]) / weights[0], rel=1e-6)
 
