@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
+from math import comb
 from typing import Any, NamedTuple
 
 import casadi
@@ -20,7 +21,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ocp_traj import problems
-from ocp_traj.audit import Audit, audit_all
+from ocp_traj.audit import audit_all
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.evaluate import limit_on
 from ocp_traj.problem import PathConstraint, Requirements, State
@@ -82,15 +83,11 @@ def six_joint_arm() -> Robot:
 def nonic(left: Array, right: Array, duration: float) -> Array:
     """Control points ``(10, dof)`` from q, v, a, jerk, snap ``(5, dof)`` at both ends."""
     weights = np.array([1.0, 9.0, 72.0, 504.0, 3024.0])
-    pascal = np.array([[float(casadi.DM(_choose(i, k))) for k in range(5)] for i in range(5)])
+    pascal = np.array([[comb(i, k) for k in range(5)] for i in range(5)])
     scale = (duration ** np.arange(5) / weights)[:, None]
     first = pascal @ (left * scale)
     last = pascal @ (right * scale * np.array([1.0, -1.0, 1.0, -1.0, 1.0])[:, None])
     return np.concatenate([first, last[::-1]])
-
-
-def _choose(i: int, k: int) -> int:
-    return int(np.prod([(i - j) / (j + 1) for j in range(k)]).round()) if k <= i else 0
 
 
 def tag_to_tag(rest: bool, seconds: float = 5.0) -> PiecewiseBezier:
@@ -105,9 +102,16 @@ def tag_to_tag(rest: bool, seconds: float = 5.0) -> PiecewiseBezier:
     return PiecewiseBezier([half, half], [nonic(at_rest[0], passing, half), nonic(passing, at_rest[2], half)])
 
 
+def _bounds(name: str) -> tuple[Array, Array]:
+    bounds = LIMITS.bounds(name)
+    assert bounds is not None
+    return bounds
+
+
 def torque(robot: Robot, friction: bool = False) -> PathConstraint:
     """The arm's torque limit; friction as assumed for it: 3 % of the effort, smoothed, and 5 % at full speed."""
-    effort, speed = np.array(LIMITS.effort), np.array(LIMITS.velocity)[-1]
+    lower, effort = _bounds("effort")
+    speed = _bounds("velocity")[1]
 
     def expression(s: State) -> Any:
         tau = robot.effort(s.q, s.v, s.a)
@@ -115,13 +119,13 @@ def torque(robot: Robot, friction: bool = False) -> PathConstraint:
             return tau
         return tau + 0.03 * effort * casadi.tanh(s.v / (0.02 * speed)) + 0.05 * effort / speed * s.v
 
-    return PathConstraint("torque", expression, -effort, effort, ("N m",) * 6, JOINTS)
+    return PathConstraint("torque", expression, lower, effort, ("N m",) * 6, JOINTS)
 
 
 def arm_requirements(friction: bool = False) -> Requirements:
     """All limits of the arm."""
     derivatives = [
-        PathConstraint.on_derivative(name, order, *LIMITS.bounds(name), [unit] * 6, JOINTS)  # type: ignore[misc]
+        PathConstraint.on_derivative(name, order, *_bounds(name), [unit] * 6, JOINTS)
         for order, (name, unit) in enumerate(
             [("position", "rad"), ("velocity", "rad/s"), ("acceleration", "rad/s2"), ("jerk", "rad/s3"), ("snap", "rad/s4")]
         )
@@ -180,11 +184,6 @@ def rnea(trajectory: Trajectory, robot: Robot) -> None:
     data = robot.model.createData()
     for i in range(len(t)):
         pin.rnea(robot.model, data, q[i], v[i], a[i])
-
-
-def tightness(audits: Sequence[Audit]) -> float:
-    """Largest gap between attained value and proved bound, over all limits that are proved [of the attained value]."""
-    return max(abs(r.proved_bound - r.attained) / abs(r.attained) for a in audits for r in a.rows if r.boxes and r.attained)
 
 
 def main() -> None:

@@ -21,7 +21,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.enclosure import MAX_SPLITS, Arcs, Pair, parabola_bound, peak_fraction
+from ocp_traj.enclosure import Arcs, Pair, parabola_bound, peak_fraction
 from ocp_traj.errors import InputError, ProblemDefinitionError
 from ocp_traj.problem import ORDERS, PathConstraint, PointConstraint, Requirements, derivative_order
 from ocp_traj.tape import Tape
@@ -32,8 +32,10 @@ Array = NDArray[np.float64]
 ALLOWANCE = 1e-12  # of a limit's scale: a value resting exactly on its limit could never be decided
 TIGHTNESS = 1e-3  # of a limit's scale: how closely a peak is enclosed once its verdict is known
 RESOLUTION = 1e-12  # of a limit's scale or value: bounds this close to the largest value's own are not refined
+MAX_SPLITS = 48  # of a segment, one after the other: our choice; an arc halved so often is shorter than rounding tells
 MAX_ARCS = 50_000  # a limit and trajectory
-FEW = 1024  # arcs whose halves are halved at once: a pass of the tape takes hardly longer for more of them
+FIRST = 64  # arcs of the first pass, at least: a pass of the tape takes hardly longer for as many as for one
+FEW = 1024  # arcs whose halves are halved at once, for the same reason
 BATCH = 4096  # arcs enclosed in one pass: wide enough to amortise a step of the tape, and a bound on memory
 
 PROVED, CHECKED, UNDECIDED, VIOLATED = "proved", "checked", "undecided", "violated"
@@ -271,7 +273,7 @@ class _Prover:
         domain = domain_function(function)
         x, u, p, c, rate = (casadi.SX.sym(name, curvature.sparsity_in(i)) for i, name in enumerate("xupcr"))
         state = (x[: function.numel_in(0)], u, p, c)
-        value = Tape(casadi.Function(limit.id, state, [function(*state), domain(*state)]))
+        value = Tape(casadi.Function("value", state, [function(*state), domain(*state)]))
         value.require_smooth(f"limit {limit.id!r}")
         both = casadi.cse([curvature(x, u, p, c, rate), domain(*state)])
         return max(requirements.order(limit), 0), value, Tape(casadi.Function("curvature", [x, u, p, c, rate], both))
@@ -294,7 +296,11 @@ class _Prover:
             ]
             owner, segment, points, duration = map(np.array, zip(*members, strict=True))
             parts.append(Arcs.of_segments(owner, segment, points, duration, orders))
-        return Arcs.join(parts)
+        arcs = Arcs.join(parts)
+        while self.limit.order is None and len(arcs) < FIRST:
+            left, right = arcs.split(np.full(len(arcs), 0.5))
+            arcs = left.interleave(right)
+        return arcs
 
     def _prove(self, arcs: Arcs) -> None:
         start, end = self._values(arcs, 0), self._values(arcs, -1)
@@ -310,7 +316,7 @@ class _Prover:
             bound, cut = self._enclose(batch)
             still_open = self._open(owner, bound)
             self.boxes += np.bincount(owner, minlength=len(self.boxes))
-            keep = still_open.any(axis=(0, 1)) & (self.boxes[owner] < self.max_arcs) & (batch.splits < MAX_SPLITS)
+            keep = still_open.any(axis=(0, 1)) & (self.boxes[owner] < self.max_arcs) & (batch.arcs.splits < MAX_SPLITS)
             self._close(owner[~keep], bound[..., ~keep])
             if not keep.any():
                 continue
@@ -324,7 +330,7 @@ class _Prover:
         middle = self._values(left, -1)
         self._attain(left, -1, middle)
         start, end = _alternate(batch.start, middle), _alternate(middle, batch.end)
-        return _Batch(left.interleave(right), start, end, np.repeat(batch.bound, 2, axis=-1), batch.splits + 1)
+        return _Batch(left.interleave(right), start, end, np.repeat(batch.bound, 2, axis=-1))
 
     def _open(self, owner: NDArray[np.intp], bound: Array) -> NDArray[np.bool_]:
         """Which sides, rows and arcs need refining, and can gain by it: not decided, or not tight."""
@@ -435,12 +441,9 @@ class _Batch:
     start: Pair
     end: Pair
     bound: Array
-    splits: int = 0
 
     def take(self, which: Any) -> _Batch:
-        return _Batch(
-            self.arcs.take(which), _take(self.start, which), _take(self.end, which), self.bound[..., which], self.splits
-        )
+        return _Batch(self.arcs.take(which), _take(self.start, which), _take(self.end, which), self.bound[..., which])
 
 
 def _sides(lower: Array, upper: Array) -> Pair:

@@ -198,11 +198,11 @@ class Sheet:
         *, misprint: tuple[str, str] | None = None, note: str = "", **options: Any,
     ) -> None:  # fmt: skip
         """Compares, see ``compare``; a misprint is one only where ours agrees with what it should read."""
-        should_read, reason = misprint or self.misprints.get((table, item), (None, ""))
-        found = compare(table, item, printed, ours, unit, should_read=should_read, **options)
-        if found.verdict == ERRATUM and should_read is not None:
-            self.errata.append(Erratum(f"{table}, {item}", printed, should_read, reason))
-            note = f"should read {should_read}: {reason}"
+        known = misprint or self.misprints.get((table, item))
+        found = compare(table, item, printed, ours, unit, should_read=known[0] if known else None, **options)
+        if found.verdict == ERRATUM and known:
+            self.errata.append(Erratum(f"{table}, {item}", printed, *known))
+            note = f"should read {known[0]}: {known[1]}"
         self.comparisons.append(replace(found, note=note))
 
 

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Pair = tuple[Array, Array]  # lower, upper
 
-MAX_SPLITS = 48  # of one arc: our choice; an arc halved 48 times is shorter than rounding can tell
 # A cut at a + r (b - a) rounds three times, by at most 2^-54 each since all stays below 1, and passes on older errors.
-SLACK = MAX_SPLITS * 2.3e-16
+ROUNDING = 2.3e-16
 _TINY = np.finfo(float).tiny  # 2^-1022
 
 
@@ -38,6 +37,7 @@ class Arcs:
         a, b: local times of the ends ``(N,)``, rounded; the arcs tile their segment exactly.
         duration: of the whole segment [s] ``(N,)``.
         hodographs: per derivative order, lower and upper control points ``(N, max(n - order, 0) + 1, dof)``.
+        splits: how often they were cut.
     """
 
     owner: NDArray[np.intp]
@@ -46,6 +46,7 @@ class Arcs:
     b: Array
     duration: Array
     hodographs: tuple[Pair, ...]
+    splits: int = 0
 
     @classmethod
     def of_segments(
@@ -70,7 +71,7 @@ class Arcs:
 
     @classmethod
     def join(cls, parts: Sequence[Arcs]) -> Arcs:
-        """All arcs of some, in the order of their owners, as arcs of the highest degree among them."""
+        """All of some arcs not cut yet, in the order of their owners, written at the highest degree among them."""
         counts = [max(low.shape[1] for low, _ in pairs) for pairs in zip(*(p.hodographs for p in parts), strict=True)]
         raised = [
             [(_elevated(low, n, -1.0), _elevated(high, n, 1.0)) for n, (low, high) in zip(counts, p.hodographs, strict=True)]
@@ -89,7 +90,7 @@ class Arcs:
         """The arcs at these indices."""
         return Arcs(
             self.owner[which], self.segment[which], self.a[which], self.b[which], self.duration[which],
-            tuple((low[which], high[which]) for low, high in self.hodographs),
+            tuple((low[which], high[which]) for low, high in self.hodographs), self.splits,
         )  # fmt: skip
 
     def split(self, at: Array) -> tuple[Arcs, Arcs]:
@@ -102,16 +103,17 @@ class Arcs:
         middle = self.a + ratio * (self.b - self.a)
         left, right = (tuple(part[i] for part in parts) for i in (0, 1))
         return (
-            Arcs(self.owner, self.segment, self.a, middle, self.duration, left),
-            Arcs(self.owner, self.segment, middle, self.b, self.duration, right),
+            Arcs(self.owner, self.segment, self.a, middle, self.duration, left, self.splits + 1),
+            Arcs(self.owner, self.segment, middle, self.b, self.duration, right, self.splits + 1),
         )
 
     def interleave(self, other: Arcs) -> Arcs:
-        """These arcs and as many others, alternating."""
+        """These arcs and as many others, cut as often, alternating."""
         names = ("owner", "segment", "a", "b", "duration")
         plain = [interleave(getattr(self, name), getattr(other, name)) for name in names]
         pairs = zip(self.hodographs, other.hodographs, strict=True)
-        return Arcs(*plain, tuple((interleave(x[0], y[0]), interleave(x[1], y[1])) for x, y in pairs))
+        hodographs = tuple((interleave(x[0], y[0]), interleave(x[1], y[1])) for x, y in pairs)
+        return Arcs(*plain, hodographs, self.splits)
 
     def hull(self, order: int) -> Pair:
         """Bounds of one derivative on each arc, ``(dof, N)`` each."""
@@ -123,18 +125,30 @@ class Arcs:
         low, high = self.hodographs[order]
         return low[:, which].T, high[:, which].T
 
+    @property
+    def slack(self) -> float:
+        """How far the recorded ends are off at most."""
+        return self.splits * ROUNDING
+
     def local_time(self) -> Pair:
         """Enclosure of u over each arc, ``(1, N)``."""
-        return np.maximum(self.a - SLACK, 0.0)[None], np.minimum(self.b + SLACK, 1.0)[None]
+        return _widened(self.a, self.b, self.slack)
 
     def end_time(self, which: int) -> Pair:
         """Enclosure of u at the start (0) or end (-1) of each arc, ``(1, N)``."""
         u = self.a if which == 0 else self.b
-        return np.maximum(u - SLACK, 0.0)[None], np.minimum(u + SLACK, 1.0)[None]
+        return _widened(u, u, self.slack)
 
     def width(self) -> Array:
         """Upper bound of each arc's duration [s], ``(N,)``."""
-        return (self.b - self.a + 2.0 * SLACK) * self.duration * (1.0 + 1e-15)
+        return (self.b - self.a + 2.0 * self.slack) * self.duration * (1.0 + 1e-15)
+
+
+def _widened(a: Array, b: Array, slack: float) -> Pair:
+    if slack == 0.0:
+        return a[None], b[None]
+    lower, upper = outward(a - slack, b + slack)
+    return np.maximum(lower, 0.0)[None], np.minimum(upper, 1.0)[None]
 
 
 def interleave(left: Array, right: Array) -> Array:

@@ -14,19 +14,20 @@ from ocp_traj.solvers.payload import static_bound
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import evaluate_objectives, trajectory
 
-_CUT = "inverse kinematics gives 325.1298: cut off, not rounded"
-_SWAPPED = "inverse kinematics gives 226.3823; z = 1052.018 in Table 8 needs it, too"
+_CUT = "inverse kinematics: cut off, not rounded"
+_DIGIT = "inverse kinematics, and the z of Table 8 needs it, too"
+_KNOT = "Table 7 gives it, and x, y in the same row need it"
 # (table, item): what it should read, and why. A comparison confirms each.
 MISPRINTS = {
     ("Table 6", "row 3 X_S3"): ("325.13", _CUT),
-    ("Table 6", "row 6 X_S3"): ("226.38", _SWAPPED),
+    ("Table 6", "row 6 X_S3"): ("226.38", _DIGIT),
     ("Table 6", "row 12 z"): ("951.221", "the decimal point is two places too far left"),
-    ("Table 8", "row 2 X_S1"): ("263.47", "Table 7 gives it, and x, y in the same row need it"),
+    ("Table 8", "row 2 X_S1"): ("263.47", _KNOT),
     ("Table 8", "row 3 X_S3"): ("325.13", _CUT),
     ("Table 8", "row 5 t"): ("2.539", "t4 + h4 of Table 7"),
-    ("Table 8", "row 6 X_S3"): ("226.38", _SWAPPED),
-    ("Table 8", "row 12 X_S2"): ("657.51", "Table 7 gives it, and x, y in the same row need it"),
-    ("Table 8", "row 12 phi_5"): ("0.1997", "Table 7 gives it; 0.1969 is row 13's, to four decimals"),
+    ("Table 8", "row 6 X_S3"): ("226.38", _DIGIT),
+    ("Table 8", "row 12 X_S2"): ("657.51", _KNOT),
+    ("Table 8", "row 12 phi_5"): ("0.1997", "Table 7 gives it; the printed one is row 13's to four decimals"),
 }
 
 
@@ -55,7 +56,8 @@ def equation_errata(physical: Problem, literal: Problem) -> tuple[Erratum, ...]:
         ),
         Erratum(
             "Table 5", "inertia about the centre of mass", "inertia about the origin of the frame",
-            f"(102) integrates over positions in the frame; J33 of no. 2 lacks m z2 = {mass * centre[2] ** 2:.0f} kg mm2",
+            "(102) integrates over positions in the frame; J33 of no. 2, for one, lacks m z2 = "
+            f"{mass * centre[2] ** 2:.0f} kg mm2. With Table 4's taken so, Table 9's energy agrees",
         ),
         Erratum(
             "(30), A1 and B1", "A1", "A1/L3",
@@ -81,9 +83,10 @@ def equation_errata(physical: Problem, literal: Problem) -> tuple[Erratum, ...]:
         Erratum("(108), D_ijk", "Gamma_pj", "Gamma_pjk", "as printed, D_ijk is D_ij"),
         Erratum(
             "(114), (154), z2", "the sum over joints of (|U||v|)^2", "the square of the sum over joints of |U||v|",
-            f"at Table 7, with the payload of (73), {forces:.0f} as printed, {energy:.0f} so, {printed['energy']:.0f} reported",
+            f"at Table 7, with the payload of (73), {forces:.0f} as printed, {energy:.0f} so, "
+            f"{printed['energy']:.0f} reported",
         ),
-        Erratum("before (145)", "(26)", "(119)", "the bound on velocity is meant; (26) is a component of the tool's normal"),
+        Erratum("before (145)", "(26)", "(119)", "the bound on velocity; (26) is a component of the tool's normal"),
         Erratum(
             "(154), z3", "a mean of two intervals' jerks, weighted with the first's h", "sum of h_i J_i^2",
             f"at Table 7 {jerk_as_printed(motion):.3f} as printed, {jerk:.3f} so, {printed['jerk']} reported",

@@ -116,9 +116,12 @@ def read_requirements(path: str | Path) -> Requirements:
         constraints.append(PathConstraint("tool-box", lambda s: robot.tool_pose(s.q)[1], *box, ("m",) * 3, AXES))
     constraints = [limit for limit in constraints if np.isfinite([limit.lower, limit.upper]).any()]
     points = _rest(file.table("rest", "order", "tolerance"), joints, units)
-    continuity = file.get("continuity", int, "a whole number from 0 to 4", lambda n: -1 <= n < len(ORDERS), -1)
-    if not constraints and not points and continuity < 0:
+    if not constraints and not points and "continuity" not in file.values:
         raise FileFormatError(f"{path} limits nothing; give at least one finite limit, [rest] or continuity")
+    # A bounded m-th derivative means that the one below it does not jump; an effort bounds the acceleration.
+    least = max([0, *(2 if limit.id == "force" else limit.order or 0 for limit in constraints)]) - 1
+    wanted = "a whole number from 0 to 4"
+    continuity = file.get("continuity", int, wanted, lambda n: 0 <= n < len(ORDERS), max(least, 0))
     parameters = ("payload",) if payload is None else ()
     return Requirements(joints, units, tuple(constraints), points, parameters, continuity)
 

@@ -31,10 +31,10 @@ def reproduce(name: str, *, seeds: int = 3, progress: Progress = silent) -> Repr
         progress: told how far it is.
     """
     if name not in REGISTRY:
-        known = f"the papers of {', '.join(REGISTRY)} can be"
+        known = f"problems whose paper can be reproduced are {', '.join(REGISTRY)}"
         if name in problems.names():
-            raise UnknownName(f"the paper of {name} cannot be reproduced yet; {known}")
-        raise UnknownName(f"there is no problem {name!r}; {known} reproduced")
+            raise UnknownName(f"nothing of the paper of {name!r} is recorded here; {known}")
+        raise UnknownName(f"there is no problem {name!r}; {known}")
     if not (isinstance(seeds, int) and seeds >= 0):
         raise InputError(f"seeds is {seeds!r}; give a whole number, zero or more")
     return REGISTRY[name](seeds, progress)

@@ -1,8 +1,9 @@
 """Tables 5, 6, 8 and 9 and Figure 15 of Guo et al. (2016) from Table 7's intervals, beside what the paper prints.
 
 Two findings carry the comparison of Table 8: its x, y, z are the tool positions of joint coordinates rounded to four
-decimals in m and rad, and the extra knots 2 and 12 follow from Table 7's intervals. One carries Table 9: the payload is
-a constant force along the tool's own axis (``paper-literal``).
+decimals in m and rad, and the extra knots 2 and 12 follow from Table 7's intervals. Two carry Table 9: the payload is a
+constant force along the tool's own axis (``paper-literal``), and inertias about centres of mass stand where those about
+the frames' origins belong, as in Table 5.
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ from ocp_traj.transcription import objective_function
 
 Array = NDArray[np.float64]
 
-LITERAL = paper.CONVENTIONS[1]
-NSGA_II = next(iter(paper.TABLE_9))
-PRINTED = 0.0005  # [s] half a unit of the last digit of Table 7
+PHYSICAL, LITERAL = paper.CONVENTIONS
+NSGA_II, FMINCON = paper.TABLE_9  # its two lines
+PRINTED = 0.0005  # half a unit of the last digit in Tables 4 [kg, kg mm2, mm] and 7 [s]
 SCALES, UNITS = np.array([1e3, 1e3, 1e3, 1.0, 1.0]), ("mm", "mm", "mm", "rad", "rad")
 DECIMALS = 4  # to which joint coordinates [m, rad] are rounded before Table 8's x, y, z: our finding
 TURNS = ((0.0, 0.0), (0.0, 0.0), (-pi / 2.0, pi / 4.0), (pi, pi / 4.0))  # theta, alpha of links 1-4 [rad], Table 3
@@ -52,30 +53,20 @@ def tool_positions(q: ArrayLike) -> Array:
 def pseudo_inertias(sheet: Sheet) -> None:
     """Table 5 from Table 4 by (102), of which both are rounded."""
     copied: list[str] = []
-    for (number, printed), (mass, inertia, centre) in zip(
-        lines(paper.TABLE_5_PRINTED).items(), paper.TABLE_4, strict=True
-    ):
+    printed_lines = lines(paper.TABLE_5_PRINTED).items()
+    for (number, printed), (mass, inertia, centre) in zip(printed_lines, paper.TABLE_4, strict=True):
         diagonal = np.trace(np.array(inertia)) / 2.0 - np.diag(np.array(inertia))
         moments = mass * np.array(centre)
         slacks = [1.5 * PRINTED] * 3 + [PRINTED * (mass + abs(c)) for c in centre]
-        for i, (name, ours) in enumerate(
-            zip(("J11", "J22", "J33", "m x", "m y", "m z"), (*diagonal, *moments), strict=True)
-        ):
+        names = ("J11", "J22", "J33", "m x", "m y", "m z")
+        for i, (name, ours) in enumerate(zip(names, (*diagonal.tolist(), *moments.tolist()), strict=True)):
+            item, slack = f"no. {number} {name}", slacks[i]
             copy = bool(copied) and printed[i] == copied[i] != "0"
             misprint = (f"{ours:.3f}", f"copied from no. {number - 1}; Table 4 gives this") if copy else None
             unit, note = ("kg mm2", "") if i < 3 else ("kg mm", "")
             if name == "m x" and centre[0] == 0.0 and printed[i] != "0":
                 note = f"Table 4 puts the centre of mass at x = 0; this would need {float(printed[i]) / mass:.3f} mm"
-            sheet.add(
-                "Table 5",
-                f"no. {number} {name}",
-                printed[i],
-                float(ours),
-                unit,
-                slack=slacks[i],
-                misprint=misprint,
-                note=note,
-            )
+            sheet.add("Table 5", item, printed[i], ours, unit, slack=slack, misprint=misprint, note=note)
         copied = printed
 
 
@@ -105,16 +96,9 @@ def spline_knots(sheet: Sheet) -> None:
         k = number - 1
         sheet.add("Table 8", f"row {number} t", time, float(instants[k]), "s", slack=k * PRINTED)
         for i, name in enumerate(paper.JOINTS):
-            note = "the same row's x, y, z agree" if number in EXTRA else ""
-            sheet.add(
-                "Table 8",
-                f"row {number} {name}",
-                printed[i],
-                float(joints[k, i] * SCALES[i]),
-                UNITS[i],
-                slack=float(slack[k, i]),
-                note=note,
-            )
+            note = "see x, y, z in the same row" if number in EXTRA else ""
+            ours, item = float(joints[k, i] * SCALES[i]), f"row {number} {name}"
+            sheet.add("Table 8", item, printed[i], ours, UNITS[i], slack=float(slack[k, i]), note=note)
         for i, name in enumerate("xyz"):
             note = f"of joint coordinates rounded to {DECIMALS} decimals in m and rad; not rounded: {exact[k, i]:.3f}"
             sheet.add("Table 8", f"row {number} {name}", printed[5 + i], float(rounded[k, i]), "mm", note=note)
@@ -151,6 +135,11 @@ def tracking(sheet: Sheet) -> None:
         )
 
 
+def digits(method: str, objective: str) -> str:
+    """An entry of Table 9 as printed: all have three decimals."""
+    return f"{paper.TABLE_9[method][objective]:.3f}"
+
+
 def objectives(sheet: Sheet, problem: Problem) -> None:
     """Table 9's line of NSGA-II: the objectives at Table 7's intervals."""
 
@@ -162,8 +151,8 @@ def objectives(sheet: Sheet, problem: Problem) -> None:
     ours, slack = (dict(zip(names, numbers.tolist(), strict=True)) for numbers in (values(paper.TABLE_7), effect))
 
     def add(name: str, value: float, words: str, note: str = "") -> None:
-        digits, unit = f"{paper.TABLE_9[NSGA_II][name]:.3f}", problem.objective(name).unit
-        sheet.add("Table 9", f"{name}, {words}", digits, value, unit, slack=slack[name], note=note)
+        unit = problem.objective(name).unit
+        sheet.add("Table 9", f"{name}, {words}", digits(NSGA_II, name), value, unit, slack=slack[name], note=note)
 
     for name in names:
         if convention == LITERAL or name in ("energy", "cost"):  # the others are the same

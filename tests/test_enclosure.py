@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ocp_traj.enclosure import MAX_SPLITS, SLACK, Arcs, parabola_bound, peak_fraction
+from ocp_traj.audit import MAX_SPLITS
+from ocp_traj.enclosure import Arcs, parabola_bound, peak_fraction
 
 Array = NDArray[np.float64]
 ORDERS = 6
@@ -130,7 +131,7 @@ def test_recorded_ends_of_arcs_stay_within_the_slack_after_every_cut() -> None:
             halves, middle = arcs.split(at), a + ratio * (b - a)
             side = int(rng.integers(2))
             arcs, a, b = halves[side], (a, middle)[side], (middle, b)[side]
-            assert abs(Fraction(float(arcs.a[0])) - a) <= SLACK and abs(Fraction(float(arcs.b[0])) - b) <= SLACK
+            assert abs(Fraction(float(arcs.a[0])) - a) <= arcs.slack and abs(Fraction(float(arcs.b[0])) - b) <= arcs.slack
 
 
 def test_arcs_of_a_constant_stay_exact() -> None:

@@ -276,7 +276,8 @@ def test_an_nlp_checks_its_shapes() -> None:
     x = ca.MX.sym("x", 2)
     given: dict[str, Any] = {
         "name": "n", "x": x, "f": x[0], "g": x[:1], "lower_x": np.zeros(2), "upper_x": np.ones(2),
-        "lower_g": np.zeros(1), "upper_g": np.ones(1), "rows": (Row("r", ""),), "labels": ("a", "b"), "units": ("m", "m"),
+        "lower_g": np.zeros(1), "upper_g": np.ones(1), "rows": (Row("r", ""),), "labels": ("a", "b"),
+        "units": ("m", "m"),
     }  # fmt: skip
     assert NLP(**given).rows[0].limit == "r"
     for field, value, message in (
