@@ -127,7 +127,13 @@ def arm_requirements(friction: bool = False) -> Requirements:
     derivatives = [
         PathConstraint.on_derivative(name, order, *_bounds(name), [unit] * 6, JOINTS)
         for order, (name, unit) in enumerate(
-            [("position", "rad"), ("velocity", "rad/s"), ("acceleration", "rad/s2"), ("jerk", "rad/s3"), ("snap", "rad/s4")]
+            [
+                ("position", "rad"),
+                ("velocity", "rad/s"),
+                ("acceleration", "rad/s2"),
+                ("jerk", "rad/s3"),
+                ("snap", "rad/s4"),
+            ]
         )
     ]
     return Requirements(JOINTS, ("rad",) * 6, (*derivatives, torque(six_joint_arm(), friction)), continuity=4)
@@ -198,7 +204,9 @@ def main() -> None:
         proof = milliseconds(partial(audit_all, trajectories, requirements)) / count
         looking = milliseconds(partial(scan, trajectories[0], requirements), 3)
         loop = 10.0 * milliseconds(partial(rnea, trajectories[0], robot), 3)
-        scale = {(c.id, label): s for c in requirements.path_constraints for label, s in zip(c.labels, c.scale, strict=True)}
+        scale = {
+            (c.id, label): s for c in requirements.path_constraints for label, s in zip(c.labels, c.scale, strict=True)
+        }
         rows = [r for a in audits for r in a.rows if r.boxes]
         boxes = sum({(id(a), r.limit): r.boxes for a in audits for r in a.rows}.values()) / count
         gap = max(abs(r.proved_bound - r.attained) / scale[r.limit, r.label] for r in rows)

@@ -1,4 +1,4 @@
-"""Constraint exchange beside a uniform grid, on the time-optimal hybrid-spline: rows, rounds, seconds, duration, verdict.
+"""Constraint exchange beside a uniform grid on the time-optimal hybrid-spline: rows, rounds, seconds, verdict.
 
 Run with ``python benchmarks/exchange.py``. Both start from the same points and are audited alike; seconds are medians.
 """

@@ -74,7 +74,10 @@ class Arcs:
         """All of some arcs not cut yet, in the order of their owners, written at the highest degree among them."""
         counts = [max(low.shape[1] for low, _ in pairs) for pairs in zip(*(p.hodographs for p in parts), strict=True)]
         raised = [
-            [(_elevated(low, n, -1.0), _elevated(high, n, 1.0)) for n, (low, high) in zip(counts, p.hodographs, strict=True)]
+            [
+                (_elevated(low, n, -1.0), _elevated(high, n, 1.0))
+                for n, (low, high) in zip(counts, p.hodographs, strict=True)
+            ]
             for p in parts
         ]
         names = ("owner", "segment", "a", "b", "duration")

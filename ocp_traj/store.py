@@ -67,9 +67,7 @@ def _check_replaceable(given: Path, target: Path, force: bool) -> None:
         )
 
 
-def save_run(
-    front: Front, folder: str | Path, *, force: bool = False, hypervolume: Hypervolume | None = None
-) -> Path:
+def save_run(front: Front, folder: str | Path, *, force: bool = False, hypervolume: Hypervolume | None = None) -> Path:
     """Writes a run under a temporary name beside ``folder`` and renames it; ``force`` replaces an earlier run.
 
     ``hypervolume`` is what to record, where it was measured with other corners than the front's own.

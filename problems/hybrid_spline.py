@@ -215,7 +215,7 @@ def task_points() -> tuple[Array, Array]:
 def via_points(case: Guo2016) -> Array:
     """The 11 via points in joint space ``(11, 5)`` [m, rad]."""
     if case.via_points == "table6":
-        return np.array(TABLE_6) * np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0])
+        return np.asarray(np.array(TABLE_6) * np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0]))
     return inverse_kinematics(*task_points())
 
 
@@ -280,14 +280,14 @@ def build(case: Guo2016 | None = None) -> Problem:
         ("acceleration", "(120)", "/s2"),
         ("jerk", "(121)", "/s3"),
     )
-    limits = [
-        PathConstraint.on_derivative(
-            f"{name}-limit", order, *getattr(LIMITS, name), [unit + per for unit in UNITS], JOINTS, eq
-        )
-        for order, (name, eq, per) in enumerate(kinds)
-    ]
+    limits = []
+    for order, (name, eq, per) in enumerate(kinds):
+        lower_bound, upper_bound = getattr(LIMITS, name)
+        units = tuple(unit + per for unit in UNITS)
+        limits.append(PathConstraint.on_derivative(f"{name}-limit", order, lower_bound, upper_bound, units, JOINTS, eq))
+    weakest, strongest = LIMITS.effort
     forces = ("F1", "F2", "F3", "tau4", "tau5")
-    limits.append(PathConstraint("force", force, *LIMITS.effort, machine.effort_units, forces, "(122)"))
+    limits.append(PathConstraint("force", force, weakest, strongest, machine.effort_units, forces, "(122)"))
     yaw = np.array([L1])
     limits.append(PathConstraint("yaw", lambda s: s.q[1] - s.q[0], -yaw, yaw, ("m",), ("X_S2 - X_S1",), "(7)"))
     rest = PointConstraint(

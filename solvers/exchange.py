@@ -238,7 +238,11 @@ def _merge(
     merged, renamed = list(instants), {}
     for peak in peaks:
         for i, old in enumerate(merged):
-            same = (old.limit, old.segment, old.rows) == (peak.limit, peak.segment, peak.rows) and old.anchor is not None
+            same = (old.limit, old.segment, old.rows) == (
+                peak.limit,
+                peak.segment,
+                peak.rows,
+            ) and old.anchor is not None
             if same and abs(_where(old, x) - peak.u) < NEAR:
                 limit, row = _limit(problem, peak), (peak.rows or (0,))[0]
                 renamed[_row(limit, peak, row)] = _row(limit, old, row)

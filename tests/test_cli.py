@@ -86,6 +86,9 @@ def test_solve_prints_writes_and_proves(call: Call, tmp_path: Path) -> None:
     assert code == 0 and json.loads(out)["verdict"] == "proved"
 
 
+SUM = (("time", 0.6, 1.0), ("energy", 0.2, 1000.0), ("jerk", 0.1, 10.0), ("acceleration", 0.1, 1.0))  # (112)
+
+
 def test_case_fields_and_weights_change_the_problem(call: Call) -> None:
     weighted = json.loads(call("solve", "hybrid-spline", "--set", "weights=0.6,0.2,0.1,0.1", "--json")[1])
     summed = json.loads(
@@ -95,7 +98,10 @@ def test_case_fields_and_weights_change_the_problem(call: Call) -> None:
         )[1]
     )  # fmt: skip
     assert weighted["objectives"]["cost"] == pytest.approx(
-        sum(w * summed["objectives"][k] / s for k, w, s in (("time", 0.6, 1), ("energy", 0.2, 1e3), ("jerk", 0.1, 10), ("acceleration", 0.1, 1))),
+        sum(
+            w * summed["objectives"][k] / s
+            for k, w, s in (("time", 0.6, 1), ("energy", 0.2, 1e3), ("jerk", 0.1, 10), ("acceleration", 0.1, 1))
+        ),
         rel=1e-8,
     )
     assert weighted["objectives"]["time"] < 4.98  # more weight on time than the paper's 0.3 gives
@@ -222,6 +228,9 @@ def test_bad_input_is_one_clear_line_and_exit_2(
     assert list(tmp_path.iterdir()) == []  # nothing half-written
 
 
+OURS = '{"format": "ocp-traj/trajectory/1", "joints": ["a"]'
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [
@@ -229,8 +238,14 @@ def test_bad_input_is_one_clear_line_and_exit_2(
         ('{"format": "other/1"}', "format is 'other/1'"),
         ("[1, 2]", "format is None"),
         ('{"format": "ocp-traj/trajectory/1", "joints": ["a"]}', "'durations'"),
-        ('{"format": "ocp-traj/trajectory/1", "joints": ["a"], "durations": [0], "control_points": [[[0], [1]]]}', "positive"),
-        ('{"format": "ocp-traj/trajectory/1", "joints": ["a"], "durations": [1], "control_points": [[["x"]]]}', "sound"),
+        (
+            '{"format": "ocp-traj/trajectory/1", "joints": ["a"], "durations": [0], "control_points": [[[0], [1]]]}',
+            "positive",
+        ),
+        (
+            '{"format": "ocp-traj/trajectory/1", "joints": ["a"], "durations": [1], "control_points": [[["x"]]]}',
+            "sound",
+        ),
     ],
 )
 def test_a_foreign_or_broken_trajectory_file_is_refused(call: Call, tmp_path: Path, content: str, words: str) -> None:
@@ -271,7 +286,11 @@ def test_every_command_has_help_with_an_example() -> None:
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent), "COLUMNS": "120"}
     for command in ("problems", "show", "solve", "pareto", "payload", "audit", "reproduce", "export"):
         done = subprocess.run(
-            [sys.executable, "-m", "ocp_traj", command, "--help"], capture_output=True, text=True, env=environment, check=True
+            [sys.executable, "-m", "ocp_traj", command, "--help"],
+            capture_output=True,
+            text=True,
+            env=environment,
+            check=True,
         )
         assert f"Example: ocp-traj {command}" in done.stdout
         assert "--json" in done.stdout

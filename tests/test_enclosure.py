@@ -131,7 +131,9 @@ def test_recorded_ends_of_arcs_stay_within_the_slack_after_every_cut() -> None:
             halves, middle = arcs.split(at), a + ratio * (b - a)
             side = int(rng.integers(2))
             arcs, a, b = halves[side], (a, middle)[side], (middle, b)[side]
-            assert abs(Fraction(float(arcs.a[0])) - a) <= arcs.slack and abs(Fraction(float(arcs.b[0])) - b) <= arcs.slack
+            assert (
+                abs(Fraction(float(arcs.a[0])) - a) <= arcs.slack and abs(Fraction(float(arcs.b[0])) - b) <= arcs.slack
+            )
 
 
 def test_arcs_of_a_constant_stay_exact() -> None:
@@ -156,7 +158,9 @@ def test_parts_lie_within_the_whole() -> None:
 
 def test_arcs_keep_the_order_of_their_owners() -> None:
     owner = np.array([0, 0, 1, 3])
-    arcs = Arcs.of_segments(owner, np.array([0, 1, 0, 0]), np.random.default_rng(5).normal(size=(4, 4, 2)), np.ones(4), 2)
+    arcs = Arcs.of_segments(
+        owner, np.array([0, 1, 0, 0]), np.random.default_rng(5).normal(size=(4, 4, 2)), np.ones(4), 2
+    )
     left, right = arcs.split(np.full(4, 0.25))
     both = left.interleave(right)
     assert both.owner.tolist() == [0, 0, 0, 0, 1, 1, 3, 3]
@@ -225,7 +229,9 @@ def test_parabola_bound_is_attained_by_the_parabola() -> None:
     for _ in range(20):
         start, end, curvature, width = *rng.normal(size=2), rng.uniform(-1.0, 30.0), rng.uniform(0.1, 2.0)
         values = start + (end - start) * s + 0.5 * curvature * width**2 * s * (1.0 - s)
-        assert bound(start, end, curvature, width) == pytest.approx(values.max() if curvature > 0 else max(start, end), abs=1e-8)
+        assert bound(start, end, curvature, width) == pytest.approx(
+            values.max() if curvature > 0 else max(start, end), abs=1e-8
+        )
         at = peak_fraction(*(np.array([[x]]) for x in (start, end, curvature)), np.array([width]))[0, 0]
         if 0.125 < s[np.argmax(values)] < 0.875:
             assert at == pytest.approx(s[np.argmax(values)], abs=2e-5)

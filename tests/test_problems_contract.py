@@ -30,7 +30,7 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
     "hybrid-spline": [
         {"convention": "paper-literal"},
         {"via_points": "table6", "payload": 7.5, "weights": (1.0, 0.0, 0.5, 2.0)},
-        {"free_payload": True, "max_interval": 3.0},
+        {"free_payload": True, "min_interval": 0.3, "max_interval": 0.9},  # guesses must be cut off at both bounds
     ],
 }
 CASES = [(name, changes) for name in problems.names() for changes in ({}, *VARIANTS.get(name, ()))]

@@ -8,13 +8,13 @@ from pytest import approx
 
 from ocp_traj import problems
 from ocp_traj.comparison import Comparison, Sheet, compare, half_unit, rounding_effect
-from ocp_traj.errata_hybrid_spline import MISPRINTS, equation_errata, yaw_error
 from ocp_traj.errors import InputError, UnknownName
 from ocp_traj.problem import Problem
 from ocp_traj.problems import hybrid_spline as paper
 from ocp_traj.reproduce import Reproduction, names, reproduce
-from ocp_traj.reproduce_hybrid_spline import optimum, payloads
-from ocp_traj.tables_hybrid_spline import (
+from ocp_traj.reproductions.hybrid_spline import optimum, payloads
+from ocp_traj.reproductions.hybrid_spline_errata import MISPRINTS, equation_errata, yaw_error
+from ocp_traj.reproductions.hybrid_spline_tables import (
     TURNS,
     lines,
     objectives,

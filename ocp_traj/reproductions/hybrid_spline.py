@@ -9,16 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 from ocp_traj import problems
 from ocp_traj.audit import audit
 from ocp_traj.comparison import Reproduction, Run, Sheet, named_objectives, rounding_effect
-from ocp_traj.errata_hybrid_spline import MISPRINTS, equation_errata
 from ocp_traj.fixed_states import fixed_values
 from ocp_traj.problem import Problem
 from ocp_traj.problems import hybrid_spline as paper
 from ocp_traj.progress import Progress
-from ocp_traj.scalarise import WeightedSum
-from ocp_traj.solvers.multistart import Multistart, best_of
-from ocp_traj.solvers.nsga2 import NSGA2
-from ocp_traj.solvers.payload import along, static_bound
-from ocp_traj.tables_hybrid_spline import (
+from ocp_traj.reproductions.hybrid_spline_errata import MISPRINTS, equation_errata
+from ocp_traj.reproductions.hybrid_spline_tables import (
     FMINCON,
     LITERAL,
     NSGA_II,
@@ -31,6 +27,10 @@ from ocp_traj.tables_hybrid_spline import (
     tracking,
     via_points,
 )
+from ocp_traj.scalarise import WeightedSum
+from ocp_traj.solvers.multistart import Multistart, best_of
+from ocp_traj.solvers.nsga2 import NSGA2
+from ocp_traj.solvers.payload import along, static_bound
 from ocp_traj.transcription import evaluate_objectives, objective_function, trajectory
 
 Array = NDArray[np.float64]
