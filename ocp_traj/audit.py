@@ -154,6 +154,8 @@ def audit_all(
             raise InputError(
                 f"the limits need the parameters {missing}; the trajectory has {sorted(trajectory.parameters)}"
             )
+    if not trajectories:
+        return []
     rows: list[list[AuditRow]] = [[] for _ in trajectories]
     for limit in requirements.path_constraints:
         prover = _Prover(trajectories, requirements, limit, allowance, tightness, max_arcs)
@@ -279,8 +281,7 @@ class _Prover:
         return max(requirements.order(limit), 0), value, Tape(casadi.Function("curvature", [x, u, p, c, rate], both))
 
     def run(self) -> list[list[AuditRow]]:
-        if self.trajectories:
-            self._prove(self._arcs())
+        self._prove(self._arcs())
         return [self._rows(index) for index in range(len(self.trajectories))]
 
     def _arcs(self) -> Arcs:

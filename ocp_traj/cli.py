@@ -46,13 +46,19 @@ Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
 
 @app.command("problems")
 def list_problems(json: AsJson = False) -> None:
-    """Lists the problems.  Example: ocp-traj problems."""
+    """Lists the problems.
+
+    Example: ocp-traj problems
+    """
     screen.show(screen.problem_list([problems.load(name) for name in problems.names()]), json)
 
 
 @app.command()
 def show(problem: ProblemName, set_: Fields = None, json: AsJson = False) -> None:
-    """Shows a problem's variables, objectives and limits.  Example: ocp-traj show hybrid-spline."""
+    """Shows a problem's variables, objectives and limits.
+
+    Example: ocp-traj show hybrid-spline
+    """
     screen.show(screen.problem_sheet(_load(problem, set_)), json)
 
 
@@ -70,7 +76,10 @@ def solve(
     plot: Annotated[Path | None, typer.Option(help="Draw the trajectory here (PNG, PDF or SVG).")] = None,
     json: AsJson = False,
 ) -> int:
-    """Solves a problem and proves the result.  Example: ocp-traj solve hybrid-spline --objective time -o fast.json."""
+    """Solves a problem and proves the result.
+
+    Example: ocp-traj solve hybrid-spline --objective time -o fast.json
+    """
     weights = {name: _number(value, f"--weight {name}") for name, value in _pairs(weight, "--weight").items()}
     chosen = _load(problem, set_)
     for path in (output, plot):
@@ -188,7 +197,10 @@ def audit(
     ] = None,
     json: AsJson = False,
 ) -> int:
-    """Proves that a trajectory keeps its limits, or says where not.  Example: ocp-traj audit fast.json."""
+    """Proves that a trajectory keeps its limits, or says where not.
+
+    Example: ocp-traj audit fast.json
+    """
     moved = Trajectory.load(trajectory)
     if limits is None:
         checked = moved.audit()
@@ -206,7 +218,10 @@ def reproduce(
     seeds: Annotated[int, typer.Option(help="Runs of the paper's stochastic method.", min=1)] = 3,
     json: AsJson = False,
 ) -> None:
-    """Puts a paper's tables beside ours.  Example: ocp-traj reproduce hybrid-spline."""
+    """Puts a paper's tables beside ours.
+
+    Example: ocp-traj reproduce hybrid-spline
+    """
     problems.case_class(problem)
     with screen.progress("reproducing") as progress:
         found = run_reproduce(problem, seeds=seeds, progress=progress)
@@ -223,7 +238,10 @@ def export(
     samples: Annotated[int, typer.Option(help="Instants of a sampled trajectory.", min=2)] = 200,
     json: AsJson = False,
 ) -> None:
-    """Exports a front or a trajectory.  Example: ocp-traj export fast.json --format ros."""
+    """Exports a front or a trajectory.
+
+    Example: ocp-traj export fast.json --format ros
+    """
     suffix = {"ros": ".ros.yaml"}.get(format, f".export.{format}")
     target = output or source.with_name(source.stem + suffix)
     written = run_export(source, format, target, samples=samples)

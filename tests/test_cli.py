@@ -98,11 +98,7 @@ def test_case_fields_and_weights_change_the_problem(call: Call) -> None:
         )[1]
     )  # fmt: skip
     assert weighted["objectives"]["cost"] == pytest.approx(
-        sum(
-            w * summed["objectives"][k] / s
-            for k, w, s in (("time", 0.6, 1), ("energy", 0.2, 1e3), ("jerk", 0.1, 10), ("acceleration", 0.1, 1))
-        ),
-        rel=1e-8,
+        sum(w * summed["objectives"][name] / scale for name, w, scale in SUM), rel=1e-8
     )
     assert weighted["objectives"]["time"] < 4.98  # more weight on time than the paper's 0.3 gives
 
@@ -237,15 +233,9 @@ OURS = '{"format": "ocp-traj/trajectory/1", "joints": ["a"]'
         ("not json", "not JSON"),
         ('{"format": "other/1"}', "format is 'other/1'"),
         ("[1, 2]", "format is None"),
-        ('{"format": "ocp-traj/trajectory/1", "joints": ["a"]}', "'durations'"),
-        (
-            '{"format": "ocp-traj/trajectory/1", "joints": ["a"], "durations": [0], "control_points": [[[0], [1]]]}',
-            "positive",
-        ),
-        (
-            '{"format": "ocp-traj/trajectory/1", "joints": ["a"], "durations": [1], "control_points": [[["x"]]]}',
-            "sound",
-        ),
+        (OURS + "}", "'durations'"),
+        (OURS + ', "durations": [0], "control_points": [[[0], [1]]]}', "positive"),
+        (OURS + ', "durations": [1], "control_points": [[["x"]]]}', "sound"),
     ],
 )
 def test_a_foreign_or_broken_trajectory_file_is_refused(call: Call, tmp_path: Path, content: str, words: str) -> None:
@@ -282,15 +272,16 @@ def test_an_unreachable_time_names_time_and_what_stands_in_its_way(call: Call) -
     assert "time" in one_line(err) and "velocity-limit X_S2" in err
 
 
-def test_every_command_has_help_with_an_example() -> None:
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent), "COLUMNS": "120"}
+def test_every_command_has_help_with_an_example(call: Call) -> None:
     for command in ("problems", "show", "solve", "pareto", "payload", "audit", "reproduce", "export"):
-        done = subprocess.run(
-            [sys.executable, "-m", "ocp_traj", command, "--help"],
-            capture_output=True,
-            text=True,
-            env=environment,
-            check=True,
-        )
-        assert f"Example: ocp-traj {command}" in done.stdout
-        assert "--json" in done.stdout
+        code, out, _ = call(command, "--help")
+        assert code == 0
+        assert f"Example: ocp-traj {command}" in out
+        assert "--json" in out
+
+
+def test_the_module_runs_as_a_program(tmp_path: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
+    line = [sys.executable, "-m", "ocp_traj", "show", "nothing"]
+    done = subprocess.run(line, capture_output=True, text=True, env=environment, cwd=tmp_path)
+    assert done.returncode == 2 and done.stdout == "" and "there is no problem 'nothing'" in one_line(done.stderr)

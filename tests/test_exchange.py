@@ -145,6 +145,19 @@ def test_one_round_is_repaired_by_slowing_down(hybrid: Problem) -> None:
     assert solution.objectives == evaluate_objectives(hybrid, solution.x)
 
 
+@pytest.mark.xfail(strict=True, reason="Exchange keeps f of the solution before the repair")
+def test_a_repaired_solution_has_the_value_of_what_it_returns(hybrid: Problem) -> None:
+    solution = solve(hybrid, TIME, solver=Exchange(max_rounds=1))
+    assert solution.f == pytest.approx(solution.objectives["time"], rel=1e-12)
+
+
+@pytest.mark.xfail(strict=True, reason="Exchange does not look at the rows of the scalarisation after a repair")
+def test_a_repair_does_not_break_a_bound_on_an_objective(hybrid: Problem) -> None:
+    """Slowed down, the trajectory takes longer than it may: it is not to be called feasible."""
+    solution = solve(hybrid, EpsilonConstraint("energy", {"time": 2.6}), solver=Exchange(max_rounds=1))
+    assert not solution.ok or solution.objectives["time"] <= 2.6 * (1.0 + 1e-7)
+
+
 def test_without_repair_one_round_ends_unproved(hybrid: Problem) -> None:
     solution = solve(hybrid, TIME, solver=Exchange(max_rounds=1, repair=False))
     assert solution.audit is not None and not solution.audit.proved
@@ -205,16 +218,20 @@ def test_least_cost_in_the_papers_convention_beats_the_papers_own() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("convention", "name", "value"),
-    [("physical", "cost", CHEAPEST), ("paper-literal", "cost", CHEAPEST_LITERAL), ("physical", "time", FASTEST)],
+    ("convention", "name", "value", "starts"),
+    [
+        ("physical", "cost", CHEAPEST, 20),
+        ("paper-literal", "cost", CHEAPEST_LITERAL, 20),
+        ("physical", "time", FASTEST, 10),
+    ],
 )
-def test_twenty_starts_end_at_the_same_proved_optimum(convention: str, name: str, value: float) -> None:
+def test_many_starts_end_at_the_same_proved_optimum(convention: str, name: str, value: float, starts: int) -> None:
     problem = problems.load("hybrid-spline", convention=convention)
-    solutions = [solve(problem, WeightedSum({name: 1.0}), seed) for seed in range(20)]
+    solutions = [solve(problem, WeightedSum({name: 1.0}), seed) for seed in range(starts)]
     assert all(solution.audit is not None and solution.audit.proved for solution in solutions)
     machine = HybridRobot(10.0, literal=convention == "paper-literal")
     assert all(machine.worst_excess(s.trajectory.to_dict(), 2_000) <= 0.0 for s in solutions if s.trajectory)
-    assert [solution.f for solution in solutions] == pytest.approx([value] * 20, rel=1e-5)
+    assert [solution.f for solution in solutions] == pytest.approx([value] * starts, rel=1e-5)
 
 
 # --- infeasible ---
