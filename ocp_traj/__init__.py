@@ -30,7 +30,7 @@ _PUBLIC = {
     "Robot": "ocp_traj.robot:Robot",
     "Limits": "ocp_traj.robot:Limits",
     "Problem": "ocp_traj.problem:Problem",
-    "Requirements": "ocp_traj.problem:Requirements",
+    "Requirements": "ocp_traj.requirements:Requirements",
     "load_run": "ocp_traj.store:load_run",
 }
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.enclosure import Arcs, Pair, parabola_bound, peak_fraction
 from ocp_traj.errors import InputError, ProblemDefinitionError
-from ocp_traj.problem import ORDERS, PathConstraint, PointConstraint, Requirements, derivative_order
+from ocp_traj.requirements import ORDERS, PathConstraint, PointConstraint, Requirements, derivative_order
 from ocp_traj.tape import Tape
 from ocp_traj.trajectory import Trajectory
 

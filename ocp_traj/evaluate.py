@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ocp_traj.problem import ORDERS, PathConstraint, PointConstraint, Requirements
+from ocp_traj.requirements import ORDERS, PathConstraint, PointConstraint, Requirements
 from ocp_traj.tape import Tape
 from ocp_traj.trajectory import Trajectory
 

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.nlp import Conflict, Row
-from ocp_traj.problem import ORDERS, PathConstraint, Problem
+from ocp_traj.problem import Problem
+from ocp_traj.requirements import ORDERS, PathConstraint
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from ocp_traj.errors import InputError
 from ocp_traj.evaluate import limit_along
 from ocp_traj.files import write_with
 from ocp_traj.front import Front
-from ocp_traj.problem import PathConstraint, Requirements
+from ocp_traj.requirements import PathConstraint, Requirements
 from ocp_traj.trajectory import Trajectory
 
 Array = NDArray[np.float64]

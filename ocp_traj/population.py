@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.bernstein import basis, difference_matrix
 from ocp_traj.errors import InputError
-from ocp_traj.problem import ORDERS, PathConstraint, Problem
+from ocp_traj.problem import Problem
+from ocp_traj.requirements import ORDERS, PathConstraint
 from ocp_traj.tape import Tape
 from ocp_traj.transcription import (
     curve_function,

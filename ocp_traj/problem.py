@@ -1,14 +1,10 @@
-"""A trajectory optimisation problem, written symbolically: what a paper states, and nothing of how it is solved.
-
-A limit is a function of the *state* of the trajectory at one instant, not a row of a grid: the NLP composes it with
-the curve, the audit feeds it arrays and boxes of states, and plots and tables read the same expression.
-"""
+"""A trajectory optimisation problem, written symbolically: what a paper states, and nothing of how it is solved."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi
 import numpy as np
@@ -16,62 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.errors import ProblemDefinitionError, UnknownName
+from ocp_traj.requirements import Expression, Requirements
 
 Array = NDArray[np.float64]
-Points = tuple[tuple[int, float], ...]  # (segment, local time u) pairs; a negative segment counts from the end
-
-ORDERS = ("q", "v", "a", "jerk", "snap")  # time derivatives a limit may depend on
-
-
-class State(NamedTuple):
-    """State of a trajectory at one instant, symbolic.
-
-    Attributes:
-        q, v, a, jerk, snap: joint coordinates and their time derivatives, ``(dof,)`` each, SI.
-        u: local time in [0, 1] on the segment.
-        p: the problem's global parameters ``(n_p,)``, such as a payload.
-        c: constants of the limit on this segment ``(n_c,)``, such as a seam's polynomial.
-    """
-
-    q: Any
-    v: Any
-    a: Any
-    jerk: Any
-    snap: Any
-    u: Any
-    p: Any
-    c: Any
-
-
-Expression = Callable[[State], Any]
-
-
-def _symbols(dof: int, parameters: int, constants: int) -> tuple[State, list[Any]]:
-    stacked = casadi.SX.sym("x", dof * len(ORDERS))
-    u, p, c = casadi.SX.sym("u"), casadi.SX.sym("p", parameters), casadi.SX.sym("c", constants)
-    q, v, a, jerk, snap = casadi.vertsplit(stacked, dof)
-    return State(q, v, a, jerk, snap, u, p, c), [stacked, u, p, c]
-
-
-def state_function(name: str, expression: Expression, dof: int, parameters: int, constants: int = 0) -> Any:
-    """Compiles an expression of the state.
-
-    Returns:
-        casadi SX Function (stacked derivatives ``(5 dof,)``, u, p, c) -> ``(rows,)``.
-    """
-    state, inputs = _symbols(dof, parameters, constants)
-    try:
-        value = casadi.densify(casadi.SX(expression(state)))
-    except Exception as error:  # an expression is the user's code: name the limit it belongs to
-        raise ProblemDefinitionError(f"{name}: its expression failed on a symbolic state: {error}") from error
-    return casadi.Function("state_function", inputs, [casadi.vec(value)])
-
-
-def derivative_order(function: Any, dof: int) -> int:
-    """Highest time derivative that a compiled expression depends on: 0 for q .. 4 for snap; -1 for none."""
-    sparsity = np.array(casadi.DM(function.jac_sparsity(0, 0), 1.0))
-    used = [k for k in range(len(ORDERS)) if sparsity[:, k * dof : (k + 1) * dof].any()]
-    return max(used, default=-1)
 
 
 @dataclass(frozen=True)
@@ -109,133 +52,6 @@ class Variable:
                     f"variable {self.id!r}: the bounds of {label} are empty, lower {low:.9g} > upper {high:.9g} "
                     f"{self.unit}; widen them"
                 )
-
-
-@dataclass(frozen=True, eq=False)
-class PathConstraint:
-    """lower <= g(state) <= upper at every instant.
-
-    Attributes:
-        id: unique name, such as ``velocity``.
-        expression: g, from a symbolic state to ``(rows,)``.
-        lower, upper: bounds ``(rows,)`` in ``units``; infinite where there is none, never equal.
-        units: one a row.
-        labels: one a row, such as joint names.
-        eq: equation or table of the source.
-        order: set where g is the ``order``-th derivative itself, so that hulls and extrema are exact.
-        constants: per segment ``(K, n_c)``, reaching the expression as ``state.c``.
-    """
-
-    id: str
-    expression: Expression
-    lower: Array
-    upper: Array
-    units: tuple[str, ...]
-    labels: tuple[str, ...]
-    eq: str = ""
-    order: int | None = None
-    constants: Array | None = None
-
-    def __post_init__(self) -> None:
-        """Checks shapes and bounds."""
-        rows = len(self.labels)
-        for name in ("lower", "upper"):
-            try:
-                bound = np.broadcast_to(np.asarray(getattr(self, name), dtype=float), (rows,)).copy()
-            except ValueError as error:
-                raise ProblemDefinitionError(f"limit {self.id!r}: {name} does not fit its {rows} labels") from error
-            object.__setattr__(self, name, bound)
-        if len(self.units) != rows:
-            raise ProblemDefinitionError(
-                f"limit {self.id!r}: {len(self.units)} units for {rows} labels; give one a row"
-            )
-        for label, low, high in zip(self.labels, self.lower, self.upper, strict=True):
-            if not low < high:
-                raise ProblemDefinitionError(
-                    f"limit {self.id!r}: the bounds of {label} are empty or equal, lower {low:.9g}, upper {high:.9g}; "
-                    "a path limit needs lower < upper (hold an equality within a band, or make it a point constraint)"
-                )
-        if self.order is not None and not 0 <= self.order < len(ORDERS):
-            raise ProblemDefinitionError(f"limit {self.id!r}: order {self.order}; allowed 0 (position) to 4 (snap)")
-
-    @classmethod
-    def on_derivative(
-        cls,
-        id: str,
-        order: int,
-        lower: ArrayLike,
-        upper: ArrayLike,
-        units: Sequence[str],
-        labels: Sequence[str],
-        eq: str = "",
-    ) -> PathConstraint:
-        """A limit on one time derivative of the joints: 0 position, 1 velocity, .. 4 snap."""
-        return cls(
-            id,
-            lambda state: state[order],
-            np.asarray(lower),
-            np.asarray(upper),
-            tuple(units),
-            tuple(labels),
-            eq,
-            order=order,
-        )
-
-    @property
-    def scale(self) -> Array:
-        """Size of each row ``(rows,)``: half the range where two-sided, else the bound's size, else 1."""
-        two_sided = np.isfinite(self.lower) & np.isfinite(self.upper)
-        single = np.maximum(
-            np.where(np.isfinite(self.lower), np.abs(self.lower), 0.0),
-            np.where(np.isfinite(self.upper), np.abs(self.upper), 0.0),
-        )
-        size = np.where(two_sided, 0.5 * (self.upper - self.lower), single) if two_sided.any() else single
-        return np.where((size > 0.0) & np.isfinite(size), size, 1.0)
-
-
-@dataclass(frozen=True, eq=False)
-class PointConstraint:
-    """lower <= g(state) <= upper at stated instants: rest at an end, a via point.
-
-    Attributes:
-        id: unique name.
-        expression: g, from a symbolic state to ``(rows,)``.
-        at: the instants.
-        lower, upper: ``(instants, rows)`` or what broadcasts to it; equal for an equality.
-        units, labels: one a row.
-        eq: equation or table of the source.
-        structural: the curve meets it for every value of the variables: the NLP needs no row, the audit checks it.
-        tolerance: what the audit allows [of the row's own unit]; rounding makes structural ones about 1e-13 off.
-    """
-
-    id: str
-    expression: Expression
-    at: Points
-    lower: Array
-    upper: Array
-    units: tuple[str, ...]
-    labels: tuple[str, ...]
-    eq: str = ""
-    structural: bool = False
-    tolerance: float = 1e-9
-
-    def __post_init__(self) -> None:
-        """Checks shapes and bounds."""
-        shape = (len(self.at), len(self.labels))
-        for name in ("lower", "upper"):
-            try:
-                bound = np.broadcast_to(np.asarray(getattr(self, name), dtype=float), shape).copy()
-            except ValueError as error:
-                raise ProblemDefinitionError(
-                    f"point constraint {self.id!r}: {name} does not fit (instants, rows) = {shape}"
-                ) from error
-            object.__setattr__(self, name, bound)
-        if len(self.units) != len(self.labels):
-            raise ProblemDefinitionError(
-                f"point constraint {self.id!r}: {len(self.units)} units for {len(self.labels)} labels"
-            )
-        if not (self.lower <= self.upper).all():
-            raise ProblemDefinitionError(f"point constraint {self.id!r}: a lower bound lies above its upper bound")
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,76 +95,6 @@ class Objective:
 
 TRAPEZOID = ((0.0, 0.5), (1.0, 0.5))
 MIDPOINT = ((0.5, 1.0),)
-
-
-@dataclass(frozen=True, eq=False)
-class Requirements:
-    """What a trajectory has to meet, whoever made it: all that the audit needs beside the trajectory.
-
-    Attributes:
-        joints: one name a joint.
-        path_constraints, point_constraints: the limits.
-        parameters: labels of the global parameters p.
-        continuity: the curve is promised to be C^continuity at its inner knots; -1 for no promise.
-        joint_units: one a joint.
-    """
-
-    joints: tuple[str, ...]
-    joint_units: tuple[str, ...]
-    path_constraints: tuple[PathConstraint, ...]
-    point_constraints: tuple[PointConstraint, ...] = ()
-    parameters: tuple[str, ...] = ()
-    continuity: int = -1
-    _functions: dict[str, Any] = field(default_factory=dict, repr=False)
-
-    def __post_init__(self) -> None:
-        """Checks that ids are unique and that every expression has the shape of its labels."""
-        limits: list[PathConstraint | PointConstraint] = [*self.path_constraints, *self.point_constraints]
-        for name in self.ids:
-            if self.ids.count(name) > 1:
-                raise ProblemDefinitionError(f"limit id {name!r} is used {self.ids.count(name)} times; ids are unique")
-        for limit in limits:
-            rows = self.function(limit).numel_out(0)
-            if rows != len(limit.labels):
-                raise ProblemDefinitionError(
-                    f"limit {limit.id!r}: its expression has {rows} rows for {len(limit.labels)} labels"
-                )
-
-    @property
-    def dof(self) -> int:
-        """Number of joints."""
-        return len(self.joints)
-
-    @property
-    def ids(self) -> list[str]:
-        """Ids of all limits."""
-        return [*(c.id for c in self.path_constraints), *(c.id for c in self.point_constraints)]
-
-    def function(self, limit: PathConstraint | PointConstraint) -> Any:
-        """The limit's compiled expression, built once; see ``state_function``."""
-        if limit.id not in self._functions:
-            constants = getattr(limit, "constants", None)
-            width = 0 if constants is None else constants.shape[1]
-            self._functions[limit.id] = state_function(
-                limit.id, limit.expression, self.dof, len(self.parameters), width
-            )
-        return self._functions[limit.id]
-
-    def compiled(self, limit: PathConstraint | PointConstraint, what: str, build: Callable[[], Any]) -> Any:
-        """Something built from the limit's expression, kept for the next use."""
-        key = f"{limit.id} {what}"
-        if key not in self._functions:
-            self._functions[key] = build()
-        return self._functions[key]
-
-    def order(self, limit: PathConstraint) -> int:
-        """Highest time derivative the limit depends on."""
-        return derivative_order(self.function(limit), self.dof)
-
-    def continuous(self, limit: PathConstraint) -> bool:
-        """Whether the limit has the same value on both sides of an inner knot."""
-        uses_local_time = self.function(limit).jac_sparsity(0, 1).nnz() > 0
-        return self.order(limit) <= self.continuity and limit.constants is None and not uses_local_time
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,15 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.nlp import NLP, Row
-from ocp_traj.problem import (
-    ORDERS,
-    Objective,
-    PathConstraint,
-    PointConstraint,
-    Problem,
-    derivative_order,
-    state_function,
-)
+from ocp_traj.problem import Objective, Problem
+from ocp_traj.requirements import ORDERS, PathConstraint, PointConstraint, derivative_order, state_function
 from ocp_traj.scalarise import Scalarisation, check_names
 from ocp_traj.trajectory import Trajectory
 

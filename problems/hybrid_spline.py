@@ -25,17 +25,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.curves import cubic_spline_free_ends
 from ocp_traj.errors import InputError
-from ocp_traj.problem import (
-    MIDPOINT,
-    TRAPEZOID,
-    Objective,
-    PathConstraint,
-    PointConstraint,
-    Problem,
-    Requirements,
-    State,
-    Variable,
-)
+from ocp_traj.problem import MIDPOINT, TRAPEZOID, Objective, Problem, Variable
+from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
 from ocp_traj.robot import ActuatorMap, AxisJoint, DHRow, Limits, LinkInertia, Robot
 
 Array = NDArray[np.float64]

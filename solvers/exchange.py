@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from ocp_traj.audit import Audit, audit
 from ocp_traj.evaluate import limit_on
 from ocp_traj.nlp import Row, Solution, Status
-from ocp_traj.problem import PathConstraint, Problem
+from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.requirements import PathConstraint
 from ocp_traj.scalarise import Scalarisation
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.repair import slow_down

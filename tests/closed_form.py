@@ -13,7 +13,8 @@ from scipy.interpolate import BPoly, CubicSpline
 
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.nlp import NLP, Row
-from ocp_traj.problem import Objective, PathConstraint, PointConstraint, Problem, Requirements, State, Variable
+from ocp_traj.problem import Objective, Problem, Variable
+from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
 
 Array = npt.NDArray[np.float64]
 

@@ -43,7 +43,7 @@ from ocp_traj.bernstein import PiecewiseBezier, basis
 from ocp_traj.curves import cubic_spline_free_ends
 from ocp_traj.errors import InputError, KinkedExpression, ProblemDefinitionError, UnsupportedOperation
 from ocp_traj.evaluate import limit_on
-from ocp_traj.problem import ORDERS, PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.requirements import ORDERS, PathConstraint, PointConstraint, Requirements, State
 from ocp_traj.robot import Robot
 from ocp_traj.tape import Tape
 from ocp_traj.trajectory import Trajectory
@@ -411,7 +411,11 @@ def in_60_digits(function: Any, inputs: list[list[Any]]) -> list[Any]:
     register: dict[int, Any] = {}
     result = [mpmath.mpf(0)] * function.numel_out(0)
     for k in range(function.n_instructions()):
-        operation, read, written = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+        operation, read, written = (
+            function.instruction_id(k),
+            function.instruction_input(k),
+            function.instruction_output(k),
+        )
         if operation == casadi.OP_CONST:
             register[written[0]] = mpmath.mpf(function.instruction_constant(k))
         elif operation == casadi.OP_INPUT:
@@ -486,7 +490,11 @@ def test_torques_of_pinocchio_respect_the_audit(joints: int) -> None:
                         for k, u in zip(*instants(curve, row.instant), strict=True)
                     ]
                     assert np.abs(there).max() > size[j] - noise
-                assert scan[j].max() <= row.proved_bound + noise if row.bound > 0 else scan[j].min() >= row.proved_bound - noise
+                assert (
+                    scan[j].max() <= row.proved_bound + noise
+                    if row.bound > 0
+                    else scan[j].min() >= row.proved_bound - noise
+                )
                 audited[row.verdict] += 1
     assert audited[PROVED] and audited[VIOLATED]
 
@@ -636,7 +644,9 @@ def test_huge_angles_are_never_proved_within_what_sine_exceeds(reach: float) -> 
     for bound in (0.5, 0.999_999):
         row = audit_of(lambda s: casadi.sin(s.q[0]), -INF, bound, [0.0, reach], max_arcs=2000)
         assert row.verdict != PROVED and row.proved_bound >= 1.0 - 1e-9
-    assert audit_of(lambda s: casadi.sin(s.q[0]), -INF, 0.5, [reach, reach], max_arcs=2000).proved_bound >= math.sin(reach)
+    assert audit_of(lambda s: casadi.sin(s.q[0]), -INF, 0.5, [reach, reach], max_arcs=2000).proved_bound >= math.sin(
+        reach
+    )
 
 
 @pytest.mark.parametrize("duration", [1e-320, 1e-150, 1e-30, 1e-6, 1e6, 1e30, 1e150, 1e300])
@@ -719,7 +729,9 @@ def requirements_of(joints: int, *points: PointConstraint, continuity: int = -1)
     return Requirements(names, ("m",) * joints, (), points, continuity=continuity)
 
 
-@pytest.mark.parametrize(("error", "verdict"), [(0.0, CHECKED), (1e-13, CHECKED), (1e-8, VIOLATED), (math.nan, VIOLATED)])
+@pytest.mark.parametrize(
+    ("error", "verdict"), [(0.0, CHECKED), (1e-13, CHECKED), (1e-8, VIOLATED), (math.nan, VIOLATED)]
+)
 def test_point_constraints_are_checked_to_their_tolerance(error: float, verdict: str) -> None:
     curve = PiecewiseBezier([1.0, 2.0], [np.array([[0.5], [1.0]]), np.array([[1.0], [1.0], [3.0]])])
     target = [[0.5], [1.0], [3.0 + (0.0 if math.isnan(error) else error)]]
@@ -735,10 +747,14 @@ def test_point_constraints_are_checked_to_their_tolerance(error: float, verdict:
 
 
 def test_rest_is_checked_on_derivatives() -> None:
-    rest = PointConstraint("rest", lambda s: casadi.vertcat(s.v, s.a), ((0, 0.0), (-1, 1.0)), 0.0, 0.0, ("-",) * 2, ("v", "a"))
+    rest = PointConstraint(
+        "rest", lambda s: casadi.vertcat(s.v, s.a), ((0, 0.0), (-1, 1.0)), 0.0, 0.0, ("-",) * 2, ("v", "a")
+    )
     still = between(np.zeros((3, 1)), np.array([[1.0], [0.0], [0.0]]), 0.7)
     moving = between(np.zeros((3, 1)), np.array([[1.0], [1e-7], [0.0]]), 0.7)
-    verdicts = [audit(Trajectory(PiecewiseBezier([0.7], [x]), ("j0",)), requirements_of(1, rest)) for x in (still, moving)]
+    verdicts = [
+        audit(Trajectory(PiecewiseBezier([0.7], [x]), ("j0",)), requirements_of(1, rest)) for x in (still, moving)
+    ]
     assert [[row.verdict for row in a.rows] for a in verdicts] == [[CHECKED, CHECKED], [VIOLATED, CHECKED]]
     assert verdicts[0].verdict == PROVED and verdicts[1].verdict == VIOLATED
 
@@ -773,7 +789,9 @@ def test_rounding_is_no_jump(offset: float) -> None:
     for motion in (0.0, 1e-9, 1e-3, 1.0):
         knots = [offset + motion * rng.normal(size=(5, 1)) * np.array([1, 0, 0, 0, 0])[:, None] for _ in range(5)]
         durations = rng.uniform(0.05, 2.0, 4)
-        curve = PiecewiseBezier(durations, [between(*k, float(t)) for k, t in zip(pairwise(knots), durations, strict=False)])
+        curve = PiecewiseBezier(
+            durations, [between(*k, float(t)) for k, t in zip(pairwise(knots), durations, strict=False)]
+        )
         found = audit(Trajectory(curve, ("j0",)), requirements_of(1, continuity=4))
         assert found.proved, found.explain()
 
@@ -783,11 +801,16 @@ def test_rounding_is_no_jump(offset: float) -> None:
 
 def test_verdict_of_the_whole_is_the_worst() -> None:
     row = audit_of(lambda s: s.q[0], -1.0, 1.0, [0.0, 0.5], order=0)
-    rows = {v: replace(row, verdict=v, margin=m) for v, m in ((PROVED, 0.5), (CHECKED, 0.1), (UNDECIDED, 0.0), (VIOLATED, -0.1))}
+    rows = {
+        v: replace(row, verdict=v, margin=m)
+        for v, m in ((PROVED, 0.5), (CHECKED, 0.1), (UNDECIDED, 0.0), (VIOLATED, -0.1))
+    }
     for worst, names in ((PROVED, (CHECKED, PROVED)), (UNDECIDED, (PROVED, UNDECIDED)), (VIOLATED, tuple(rows))):
         found = Audit(tuple(rows[n] for n in names))
         assert (found.verdict, found.proved) == (worst, worst == PROVED)
-        assert found.failures == tuple(sorted((rows[n] for n in names if n in (UNDECIDED, VIOLATED)), key=lambda r: r.margin))
+        assert found.failures == tuple(
+            sorted((rows[n] for n in names if n in (UNDECIDED, VIOLATED)), key=lambda r: r.margin)
+        )
         assert worst in found.explain() and len(found.table) == len(names)
     assert Audit((rows[CHECKED], rows[PROVED])).margin == 0.5
     assert Audit(()).proved and Audit(()).margin == INF
@@ -811,7 +834,9 @@ def test_trajectories_are_audited_together_as_alone(monkeypatch: pytest.MonkeyPa
 
 
 def test_what_does_not_fit_the_limits_is_refused() -> None:
-    limit = PathConstraint("g", lambda s: s.q[0] * s.c[0], np.zeros(1), np.ones(1), ("-",), ("row",), constants=np.ones((2, 1)))
+    limit = PathConstraint(
+        "g", lambda s: s.q[0] * s.c[0], np.zeros(1), np.ones(1), ("-",), ("row",), constants=np.ones((2, 1))
+    )
     requirements = Requirements(("a", "b"), ("m", "m"), (limit,), parameters=("payload",))
     curve = PiecewiseBezier([1.0], [np.zeros((3, 2))])
     with pytest.raises(InputError, match="1 joints"):
@@ -837,7 +862,10 @@ def test_curvature_is_the_second_derivative_along_a_curve() -> None:
         tape = Tape(curvature_function(assault.requirements, limit))
         ours = tape.evaluate(x, u[None], np.repeat(p[:, None], len(u), axis=1), c, np.full((1, len(u)), 1.0 / time))[0]
         zeros = np.zeros(len(u), dtype=np.intp)
-        near = [assault.values(limit, p, states_at(curve, zeros, v), v, zeros) for v in (u + k * step / time for k in range(-2, 3))]
+        near = [
+            assault.values(limit, p, states_at(curve, zeros, v), v, zeros)
+            for v in (u + k * step / time for k in range(-2, 3))
+        ]
         differences = (-near[0] + 16.0 * near[1] - 30.0 * near[2] + 16.0 * near[3] - near[4]) / (12.0 * step**2)
         assert np.abs(ours - differences).max() <= 1e-6 * (1.0 + np.abs(ours).max() + np.abs(near[2]).max() / step)
 
@@ -866,7 +894,9 @@ def test_domain_is_where_operations_are_defined(expression: Any, inside: list[fl
 
 @pytest.mark.parametrize("rest", [True, False], ids=["rest to rest", "through a via point"])
 @pytest.mark.parametrize("friction", [False, True], ids=["smooth", "friction"])
-def test_torque_of_a_six_joint_arm_is_bounded_within_a_thousandth_in_a_thousand_boxes(rest: bool, friction: bool) -> None:
+def test_torque_of_a_six_joint_arm_is_bounded_within_a_thousandth_in_a_thousand_boxes(
+    rest: bool, friction: bool
+) -> None:
     trajectory, plain = Trajectory(tag_to_tag(rest), JOINTS), torque(six_joint_arm(), friction)
     free = PathConstraint("torque", plain.expression, -np.full(6, 1e5), np.full(6, 1e5), plain.units, plain.labels)
     scan = np.abs(

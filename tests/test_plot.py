@@ -14,7 +14,8 @@ from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.errors import FileFormatError, InputError
 from ocp_traj.front import Front
 from ocp_traj.plot import plot_front, plot_trajectory, pretty
-from ocp_traj.problem import PathConstraint, Problem, Requirements
+from ocp_traj.problem import Problem
+from ocp_traj.requirements import PathConstraint, Requirements
 from ocp_traj.trajectory import Trajectory
 
 

@@ -11,17 +11,8 @@ from numpy.testing import assert_array_equal
 from ocp_traj import problems
 from ocp_traj.errors import InputError, OcpTrajError, ProblemDefinitionError, UnknownName
 from ocp_traj.nlp import NLP, Row, Solution, Status
-from ocp_traj.problem import (
-    TRAPEZOID,
-    Objective,
-    PathConstraint,
-    PointConstraint,
-    Requirements,
-    State,
-    Variable,
-    derivative_order,
-    state_function,
-)
+from ocp_traj.problem import TRAPEZOID, Objective, Variable
+from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State, derivative_order, state_function
 from tests.closed_form import quintic_problem, stairs_problem
 
 JOINTS = ("a", "b")
