@@ -25,7 +25,8 @@ from ocp_traj.audit import audit_all
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.evaluate import limit_on
 from ocp_traj.requirements import PathConstraint, Requirements, State
-from ocp_traj.robot import Limits, Robot
+from ocp_traj.limits import Limits
+from ocp_traj.robot import Robot
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import trajectory as of_vector
 

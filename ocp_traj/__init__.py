@@ -28,7 +28,7 @@ _PUBLIC = {
     "Trajectory": "ocp_traj.trajectory:Trajectory",
     "Front": "ocp_traj.front:Front",
     "Robot": "ocp_traj.robot:Robot",
-    "Limits": "ocp_traj.robot:Limits",
+    "Limits": "ocp_traj.limits:Limits",
     "Problem": "ocp_traj.problem:Problem",
     "Requirements": "ocp_traj.requirements:Requirements",
     "load_run": "ocp_traj.store:load_run",

@@ -206,6 +206,8 @@ def domain_function(function: Any) -> Any:
             register[written[0]] = nonzeros[read[0]][read[1]]
         elif operation == casadi.OP_CONST:
             register[written[0]] = casadi.SX(function.instruction_constant(k))
+            if not np.isfinite(function.instruction_constant(k)):
+                conditions.append(casadi.SX(-1.0))
         elif operation != casadi.OP_OUTPUT:
             operands = [register[i] for i in read]
             conditions.extend(_conditions(operation, *operands))
@@ -315,7 +317,7 @@ class _Prover:
                 continue
             owner = batch.arcs.owner
             bound, cut = self._enclose(batch)
-            still_open = self._open(owner, bound)
+            still_open = self._open(batch, bound)
             self.boxes += np.bincount(owner, minlength=len(self.boxes))
             keep = still_open.any(axis=(0, 1)) & (self.boxes[owner] < self.max_arcs) & (batch.arcs.splits < MAX_SPLITS)
             self._close(owner[~keep], bound[..., ~keep])
@@ -333,15 +335,20 @@ class _Prover:
         start, end = _alternate(batch.start, middle), _alternate(middle, batch.end)
         return _Batch(left.interleave(right), start, end, np.repeat(batch.bound, 2, axis=-1))
 
-    def _open(self, owner: NDArray[np.intp], bound: Array) -> NDArray[np.bool_]:
+    def _open(self, batch: _Batch, bound: Array) -> NDArray[np.bool_]:
         """Which sides, rows and arcs need refining, and can gain by it: not decided, or not tight."""
-        scale = self.scale[:, None]
+        scale, owner = self.scale[:, None], batch.arcs.owner
         allowed = self.bound[:, :, None] + self.allowance * scale
-        attained, floor = self.attained[..., owner], self.floor[..., owner]
+        attained, floor, ends = (
+            self.attained[..., owner],
+            self.floor[..., owner],
+            np.maximum(batch.start[1], batch.end[1]),
+        )
         with np.errstate(over="ignore"):
-            least = floor + RESOLUTION * np.maximum(scale, np.abs(floor))
-            tight = np.maximum(attained + self.tightness * scale, least)
-        undecided = ~(bound <= np.where(floor > allowed, least, allowed)) & ~(attained > allowed)
+            floor = floor + RESOLUTION * np.maximum(scale, np.abs(floor))
+            least = np.maximum(ends + 1e-15 * np.abs(ends) + 1e-300, np.where(floor > allowed, floor, -np.inf))
+            tight = np.maximum(attained + self.tightness * scale, floor)
+        undecided = ~(bound <= np.maximum(allowed, least)) & ~(attained > allowed)
         loose = ~(bound <= tight)
         return np.asarray((undecided | loose) & np.isfinite(self.bound)[:, :, None])
 
@@ -384,7 +391,8 @@ class _Prover:
         if self.limit.order is not None:
             return _sides(*arcs.end(self.limit.order, which))
         x = self._stack([arcs.end(order, which) for order in range(self.order + 1)], len(ORDERS))
-        return _sides(*_where_defined(*self.value.enclose(x, arcs.end_time(which), *self._shared(arcs))))
+        p, c = self._shared(arcs)
+        return _sides(*_where_defined(*self.value.enclose(x, arcs.end_time(which), p, c), p, c))
 
     def _curvature(self, arcs: Arcs) -> Array:
         """Upper bounds of minus the second derivative of both sides' values over each arc."""
@@ -392,7 +400,8 @@ class _Prover:
         with np.errstate(over="ignore"):
             inverse = 1.0 / arcs.duration[None]
             rate = np.nextafter(inverse, -np.inf), np.nextafter(inverse, np.inf)
-        low, high = _where_defined(*self.curvature.enclose(x, arcs.local_time(), *self._shared(arcs), rate))
+        p, c = self._shared(arcs)
+        low, high = _where_defined(*self.curvature.enclose(x, arcs.local_time(), p, c, rate), p, c)
         return np.stack([-low, high])
 
     @staticmethod
@@ -462,9 +471,11 @@ def _alternate(left: Pair, right: Pair) -> Pair:
     return low, high
 
 
-def _where_defined(bounds: Pair, conditions: Pair) -> Pair:
-    """The bounds, infinite where not all conditions are proved to be positive."""
+def _where_defined(bounds: Pair, conditions: Pair, *numbers: Pair) -> Pair:
+    """The bounds, infinite where not all conditions are proved to be positive and all numbers finite."""
     defined = (conditions[0] > 0.0).all(axis=0)
+    for number, _ in numbers:
+        defined &= np.isfinite(number).all(axis=0)
     return np.where(defined, bounds[0], -np.inf), np.where(defined, bounds[1], np.inf)
 
 

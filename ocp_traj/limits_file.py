@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from ocp_traj import problems
 from ocp_traj.errors import FileFormatError, InputError
 from ocp_traj.files import read_text
+from ocp_traj.limits import QUANTITIES, Limits
 from ocp_traj.requirements import ORDERS, PathConstraint, PointConstraint, Requirements, State
-from ocp_traj.robot import EFFORT_UNITS, QUANTITIES, Limits, Robot
+from ocp_traj.robot import EFFORT_UNITS, Robot
 from ocp_traj.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -5,7 +5,6 @@ J = ds/dq, the model moves with s, J v and J a + dJ/dt v, and virtual work gives
 Units are SI; a prismatic actuator has [m] and [N], a revolute one [rad] and [N m].
 """
 
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +16,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from casadi import SX
 
+from ocp_traj.chain import AxisJoint, Chain, DHRow, LinkInertia, screw
 from ocp_traj.dynamics import (
     Friction,
     Payload,
@@ -29,57 +29,11 @@ from ocp_traj.dynamics import (
     joint_is_revolute,
 )
 from ocp_traj.errors import RobotDefinitionError, UnsupportedJoint
+from ocp_traj.limits import Limits
+from ocp_traj.urdf import urdf_root, urdf_text
 
 Array = npt.NDArray[np.float64]
 EFFORT_UNITS = {"m": "N", "rad": "N m"}
-QUANTITIES = ("position", "velocity", "acceleration", "jerk", "snap", "effort")  # the first five by order of derivative
-UNLIMITED = 1e300  # [any], pinocchio writes the largest float where a joint has no limit
-
-
-@dataclass(frozen=True, eq=False)
-class Limits:
-    """Bounds on q, its derivatives and the effort, one entry per actuator; ``None`` is no limit.
-
-    Each field is ``(2, n)`` (lower, upper), or ``(n,)`` for symmetric ones (not the position); infinite entries are
-    allowed.  Stored as read-only ``(2, n)`` arrays; with u the actuator's unit (m or rad), in [u], [u/s], [u/s^2],
-    [u/s^3], [u/s^4] and [N or N m].
-    """
-
-    position: Any = None
-    velocity: Any = None
-    acceleration: Any = None
-    jerk: Any = None
-    snap: Any = None
-    effort: Any = None
-
-    def __post_init__(self) -> None:
-        """Check and store every bound as (2, n)."""
-        for name in QUANTITIES:
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, _bound_pair(name, getattr(self, name)))
-        sizes = {name: getattr(self, name).shape[1] for name in QUANTITIES if getattr(self, name) is not None}
-        if len(set(sizes.values())) > 1:
-            raise RobotDefinitionError(f"limits are of different numbers of joints: {sizes}")
-
-    @property
-    def size(self) -> int | None:
-        """Number of actuators; ``None`` if nothing is limited."""
-        return next((getattr(self, name).shape[1] for name in QUANTITIES if getattr(self, name) is not None), None)
-
-    def bounds(self, quantity: int | str) -> tuple[Array, Array] | None:
-        """(lower, upper), each ``(n,)``, of a derivative order 0..4 or a field's name; ``None`` if not limited."""
-        name = dict(enumerate(QUANTITIES[:5])).get(quantity) if isinstance(quantity, int) else quantity
-        if name not in QUANTITIES:
-            raise RobotDefinitionError(f"{quantity!r} has no limits; allowed are 0..4 and {', '.join(QUANTITIES)}")
-        pair = getattr(self, name)
-        return None if pair is None else (pair[0], pair[1])
-
-    def overridden_by(self, other: "Limits | None") -> "Limits":
-        """These limits, each replaced by the other's where that is given."""
-        if other is None:
-            return self
-        chosen = ((name, getattr(other, name), getattr(self, name)) for name in QUANTITIES)
-        return Limits(**{name: theirs if theirs is not None else ours for name, theirs, ours in chosen})
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,51 +42,6 @@ class ActuatorMap:
 
     name: str
     position: Callable[[SX], SX]
-
-
-@dataclass(frozen=True, eq=False)
-class LinkInertia:
-    """Mass [kg], centre of mass ``(3,)`` [m] and inertia ``(3, 3)`` about it [kg m^2], in the link frame's axes."""
-
-    mass: float
-    centre: Any = (0.0, 0.0, 0.0)
-    inertia: Any = field(default_factory=lambda: np.zeros((3, 3)))
-
-    def __post_init__(self) -> None:
-        """Check and store as arrays."""
-        centre, inertia = np.array(self.centre, dtype=float), np.array(self.inertia, dtype=float)
-        if not 0.0 <= self.mass < np.inf:
-            raise RobotDefinitionError(f"a link's mass is {self.mass} kg, expected finite and >= 0")
-        if centre.shape != (3,) or inertia.shape != (3, 3) or not np.isfinite([*centre, *inertia.flat]).all():
-            raise RobotDefinitionError(
-                f"a link has centre {centre.tolist()} and inertia {inertia.tolist()}, expected finite (3,) and (3, 3)"
-            )
-        scale = 1e-9 * np.abs(inertia).max()  # [kg m^2], slack for rounded data: our choice
-        if np.abs(inertia - inertia.T).max() > scale or np.linalg.eigvalsh(inertia).min() < -scale:
-            raise RobotDefinitionError(f"inertia {inertia.tolist()} is not symmetric and positive semidefinite")
-        object.__setattr__(self, "centre", centre)
-        object.__setattr__(self, "inertia", (inertia + inertia.T) / 2.0)
-
-
-@dataclass(frozen=True)
-class DHRow:
-    """Denavit-Hartenberg constants; the joint's coordinate adds to theta (revolute) or d (prismatic).  [rad], [m]."""
-
-    theta: float = 0.0
-    d: float = 0.0
-    a: float = 0.0
-    alpha: float = 0.0
-    kind: str = "revolute"  # or "prismatic", "fixed"
-
-
-@dataclass(frozen=True, eq=False)
-class AxisJoint:
-    """A joint given by its placement in the previous joint's frame and its axis in its own; see `Robot.from_dh`."""
-
-    kind: str  # "revolute" or "prismatic"
-    axis: Any = (0.0, 0.0, 1.0)
-    placement: pin.SE3 = field(default_factory=pin.SE3.Identity)
-    inertia: LinkInertia | None = None  # in the joint's moving frame; None is massless
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,9 +164,9 @@ class Robot:
             locked: joints to fix, at a coordinate [m or rad] (a gripper's fingers, say).
             gravity: in the world [m/s^2].
         """
-        text, origin = _urdf_text(source)
+        text, origin = urdf_text(source)
         locked = dict(locked or {})
-        for element in _urdf_root(text, origin).iter("joint"):
+        for element in urdf_root(text, origin).iter("joint"):
             if element.find("mimic") is not None and element.get("name") not in locked:
                 raise UnsupportedJoint(
                     f"joint {element.get('name')!r} of {origin} is a mimic joint; allowed are revolute and prismatic "
@@ -339,13 +248,13 @@ class Robot:
             raise RobotDefinitionError(
                 f"{len(inertias)} inertias for {len(rows)} rows; give one per row, None if massless"
             )
-        chain = _Chain(name, base or pin.SE3.Identity())
+        chain = Chain(name, base or pin.SE3.Identity())
         for joint in prefix:
             chain.constant(joint.placement)
             chain.joint(joint.kind, joint.axis)
             chain.body(joint.inertia)
         for row, inertia in zip(rows, inertias, strict=True):
-            about_z, about_x = _screw(2, row.theta, row.d), _screw(0, row.alpha, row.a)
+            about_z, about_x = screw(2, row.theta, row.d), screw(0, row.alpha, row.a)
             if convention == "modified":
                 chain.constant(about_x * about_z)
             if row.kind != "fixed":
@@ -364,44 +273,6 @@ class Robot:
         return cls(model, labels, tuple(units), limits or Limits(), frame, actuator_map)
 
 
-class _Chain:
-    """A model under construction; `pending` is the current frame in the last joint's moving frame."""
-
-    def __init__(self, name: str, base: pin.SE3) -> None:
-        self.model, self.last, self.pending = pin.Model(), 0, base
-        self.model.name = name
-
-    def constant(self, transform: pin.SE3) -> None:
-        self.pending = self.pending * transform
-
-    def joint(self, kind: str, axis: Any) -> None:
-        direction = np.array(axis, dtype=float)
-        types = {"revolute": pin.JointModelRevoluteUnaligned, "prismatic": pin.JointModelPrismaticUnaligned}
-        if kind not in types:
-            raise UnsupportedJoint(
-                f"joint {self.model.njoints} is {kind!r}; allowed are 'revolute', 'prismatic' and, for a row, 'fixed'"
-            )
-        if direction.shape != (3,) or not 0.0 < np.linalg.norm(direction) < np.inf:
-            raise RobotDefinitionError(
-                f"axis of joint {self.model.njoints} is {axis}, expected three numbers, not all 0"
-            )
-        model = types[kind](direction / np.linalg.norm(direction))
-        self.last = self.model.addJoint(self.last, model, self.pending, f"joint{self.model.njoints}")
-        self.pending = pin.SE3.Identity()
-
-    def body(self, inertia: LinkInertia | None) -> None:
-        if inertia is not None and self.last > 0:
-            body = pin.Inertia(float(inertia.mass), inertia.centre, inertia.inertia)
-            self.model.appendBodyToJoint(self.last, body, self.pending)
-
-
-def _screw(axis: int, angle: float, length: float) -> pin.SE3:
-    """Rotation about x (0) or z (2) by an angle [rad] and translation along it by a length [m]."""
-    if not np.isfinite([angle, length]).all():
-        raise RobotDefinitionError(f"a DH row has an angle {angle} rad and a length {length} m, expected finite ones")
-    return pin.SE3(pin.utils.rotate("xyz"[axis], float(angle)), float(length) * np.eye(3)[axis])
-
-
 def _set_gravity(model: pin.Model, gravity: npt.ArrayLike) -> None:
     vector = np.array(gravity, dtype=float)
     if vector.shape != (3,) or not np.isfinite(vector).all():
@@ -411,48 +282,3 @@ def _set_gravity(model: pin.Model, gravity: npt.ArrayLike) -> None:
 
 def _units(model: pin.Model) -> tuple[str, ...]:
     return tuple("rad" if joint_is_revolute(model, i) else "m" for i in range(1, model.njoints))
-
-
-def _bound_pair(name: str, value: Any) -> Array:
-    """A bound as a read-only (2, n) array, checked."""
-    try:
-        pair = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise RobotDefinitionError(f"{name} limit is {value!r}, expected numbers of shape (2, n) or (n,)") from None
-    if pair.ndim == 1 and name != "position":
-        pair = np.stack((-pair, pair))
-    if pair.ndim != 2 or pair.shape[0] != 2 or pair.shape[1] == 0:
-        allowed = "(2, n)" if name == "position" else "(2, n) or (n,)"
-        raise RobotDefinitionError(f"{name} limit has shape {np.shape(value)}, expected {allowed}")
-    pair = np.where(np.abs(pair) >= UNLIMITED, np.copysign(np.inf, pair), pair)
-    bad = np.flatnonzero(~(pair[0] < pair[1]))
-    if bad.size:
-        given = pair[:, bad[0]].tolist()
-        raise RobotDefinitionError(f"{name} limit of joint {bad[0] + 1} is {given}, expected lower < upper, no NaN")
-    pair.flags.writeable = False
-    return pair
-
-
-def _urdf_text(source: str | Path) -> tuple[str, str]:
-    """The XML and what to call it in messages."""
-    if isinstance(source, str) and source.lstrip().startswith("<"):
-        return source, "the URDF string"
-    path = Path(source)
-    if not path.is_file():
-        raise RobotDefinitionError(f"URDF file {str(path)!r} does not exist; give a path, or the XML itself")
-    try:
-        return path.read_text(encoding="utf-8"), repr(str(path))
-    except UnicodeDecodeError as error:
-        raise RobotDefinitionError(f"{str(path)!r} is not a URDF: it is not text ({error})") from error
-
-
-def _urdf_root(text: str, origin: str) -> ElementTree.Element:
-    try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise RobotDefinitionError(f"{origin} is not a URDF: it is not XML ({error})") from error
-    if root.tag != "robot":
-        raise RobotDefinitionError(f"{origin} is not a URDF: its root is <{root.tag}>, expected <robot>")
-    if any("xacro" in element.tag for element in root.iter()):
-        raise RobotDefinitionError(f"{origin} is a xacro file, not a URDF; run xacro on it first")
-    return root

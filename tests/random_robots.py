@@ -7,7 +7,8 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from ocp_traj.dynamics import joint_is_revolute
-from ocp_traj.robot import Limits, Robot
+from ocp_traj.limits import Limits
+from ocp_traj.robot import Robot
 
 Array = npt.NDArray[np.float64]
 ALIGNED = {

@@ -10,9 +10,11 @@ import pinocchio as pin
 import pytest
 from casadi import SX
 
+from ocp_traj.chain import AxisJoint, DHRow, LinkInertia
 from ocp_traj.dynamics import Friction, inverse_dynamics, joint_friction
 from ocp_traj.errors import InputError, RobotDefinitionError, UnsupportedJoint
-from ocp_traj.robot import ActuatorMap, AxisJoint, DHRow, Limits, LinkInertia, Robot
+from ocp_traj.limits import Limits
+from ocp_traj.robot import ActuatorMap, Robot
 from tests.random_robots import Array, random_inertia, random_placement, random_robot, random_states
 
 G = 9.80665  # [m/s^2], Guo et al. (2016), below Eq. (42)
