@@ -339,15 +339,13 @@ class _Prover:
         """Which sides, rows and arcs need refining, and can gain by it: not decided, or not tight."""
         scale, owner = self.scale[:, None], batch.arcs.owner
         allowed = self.bound[:, :, None] + self.allowance * scale
-        attained, floor, ends = (
-            self.attained[..., owner],
-            self.floor[..., owner],
-            np.maximum(batch.start[1], batch.end[1]),
-        )
+        attained, floor = self.attained[..., owner], self.floor[..., owner]
+        ends = np.maximum(batch.start[1], batch.end[1])
         with np.errstate(over="ignore"):
-            floor = floor + RESOLUTION * np.maximum(scale, np.abs(floor))
-            least = np.maximum(ends + 1e-15 * np.abs(ends) + 1e-300, np.where(floor > allowed, floor, -np.inf))
-            tight = np.maximum(attained + self.tightness * scale, floor)
+            above = floor + RESOLUTION * np.maximum(scale, np.abs(floor))
+            tight = np.maximum(attained + self.tightness * scale, above)
+            # Hopeless: a value found so far cannot be told from one beyond the limit; nor can this arc's own ends.
+            least = np.maximum(ends + 1e-15 * np.abs(ends) + 1e-300, np.where(floor > allowed, above, -np.inf))
         undecided = ~(bound <= np.maximum(allowed, least)) & ~(attained > allowed)
         loose = ~(bound <= tight)
         return np.asarray((undecided | loose) & np.isfinite(self.bound)[:, :, None])

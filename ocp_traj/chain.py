@@ -79,6 +79,7 @@ class Chain:
             )
         model = types[kind](direction / np.linalg.norm(direction))
         self.last = self.model.addJoint(self.last, model, self.pending, f"joint{self.model.njoints}")
+        self.model.addJointFrame(self.last)  # pinocchio's own functions expect a frame for every joint
         self.pending = pin.SE3.Identity()
 
     def body(self, inertia: LinkInertia | None) -> None:

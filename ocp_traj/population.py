@@ -16,14 +16,8 @@ from ocp_traj.bernstein import basis, difference_matrix
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
 from ocp_traj.requirements import ORDERS, PathConstraint
+from ocp_traj.symbolic import curve_function, integrand_function, plain_objectives, quadrature, variables_function
 from ocp_traj.tape import Tape
-from ocp_traj.transcription import (
-    curve_function,
-    integrand_function,
-    plain_objectives,
-    quadrature,
-    variables_function,
-)
 
 Array = NDArray[np.float64]
 

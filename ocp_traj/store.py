@@ -26,8 +26,9 @@ from ocp_traj.errors import FileFormatError, InputError
 from ocp_traj.files import read_json, read_text
 from ocp_traj.front import Front, FrontPoint, Hypervolume
 from ocp_traj.plot import plot_front
+from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import case_fields, evaluate_objectives, trajectory
+from ocp_traj.transcription import case_fields, trajectory
 
 FORMAT = "ocp-traj/run/1"
 PACKAGES = ("casadi", "pin", "pymoo", "numpy")

@@ -26,17 +26,9 @@ from ocp_traj.requirements import PathConstraint
 from ocp_traj.scalarise import Scalarisation
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.repair import slow_down
+from ocp_traj.symbolic import SymbolicCurve, evaluate_objectives
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import (
-    BACK_OFF,
-    Instant,
-    SymbolicCurve,
-    evaluate_objectives,
-    few_instants,
-    limit_values,
-    trajectory,
-    transcribe,
-)
+from ocp_traj.transcription import BACK_OFF, Instant, few_instants, limit_values, trajectory, transcribe
 
 Array = NDArray[np.float64]
 

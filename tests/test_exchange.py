@@ -13,7 +13,8 @@ from ocp_traj.problem import Problem
 from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation, WeightedSum
 from ocp_traj.solvers.exchange import Exchange, worst_instants
 from ocp_traj.solvers.ipopt import Ipopt
-from ocp_traj.transcription import BACK_OFF, evaluate_objectives, trajectory, transcribe, uniform_instants
+from ocp_traj.symbolic import evaluate_objectives
+from ocp_traj.transcription import BACK_OFF, trajectory, transcribe, uniform_instants
 from tests.closed_form import LINKS, G, HybridRobot, Quintic, quintic_problem
 
 TIME, COST = WeightedSum({"time": 1.0}), WeightedSum({"cost": 1.0})

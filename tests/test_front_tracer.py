@@ -15,7 +15,8 @@ from ocp_traj.solvers.front_tracer import FrontTracer
 from ocp_traj.solvers.multistart import Multistart
 from ocp_traj.solvers.nsga2 import NSGA2
 from ocp_traj.solvers.pareto_set import ParetoSet
-from ocp_traj.transcription import evaluate_objectives, trajectory
+from ocp_traj.symbolic import evaluate_objectives
+from ocp_traj.transcription import trajectory
 from tests.closed_form import HybridRobot, Quintic, quintic_problem, stairs_problem
 
 PAIR = ["time", "energy"]

@@ -9,7 +9,8 @@ from ocp_traj import problems
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
 from ocp_traj.problems import hybrid_spline as paper
-from ocp_traj.transcription import evaluate_objectives, trajectory
+from ocp_traj.symbolic import evaluate_objectives
+from ocp_traj.transcription import trajectory
 from tests.closed_form import FORCE, L01, L1, L2, L3, L4, L5, LINKS, G, HybridRobot, clamped_spline
 
 # Table 6, read from the paper again: X_S1, X_S2, X_S3 [mm], phi4, phi5 [rad]; its rows 2 and 12 follow from h.

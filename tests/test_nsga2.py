@@ -10,7 +10,7 @@ from ocp_traj.errors import InputError, NoSolutionFound, UnknownName
 from ocp_traj.population import Population
 from ocp_traj.problem import Problem
 from ocp_traj.solvers.nsga2 import NSGA2, WORST, _Vectorised
-from ocp_traj.transcription import evaluate_objectives
+from ocp_traj.symbolic import evaluate_objectives
 from tests.closed_form import Quintic, mixed_problem, quintic_problem, stairs_problem
 
 CHEAPEST = 2.550568  # least cost of hybrid-spline, by IPOPT from 20 starts (test_exchange.py)

@@ -16,13 +16,8 @@ from ocp_traj.problem import Problem
 from ocp_traj.scalarise import WeightedSum
 from ocp_traj.tape import Tape
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import (
-    evaluate_objectives,
-    few_instants,
-    objective_function,
-    trajectory,
-    transcribe,
-)
+from ocp_traj.symbolic import evaluate_objectives, objective_function
+from ocp_traj.transcription import few_instants, trajectory, transcribe
 from tests.closed_form import Direct
 
 # Cases other than the default one that must pass as well.

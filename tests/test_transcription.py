@@ -10,15 +10,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from ocp_traj.nlp import NLP
 from ocp_traj.problem import Problem
 from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, WeightedSum
+from ocp_traj.symbolic import SymbolicCurve, evaluate_objectives, quadrature, states_at
 from ocp_traj.transcription import (
     BACK_OFF,
     Instant,
-    SymbolicCurve,
     case_fields,
-    evaluate_objectives,
     few_instants,
-    quadrature,
-    states_at,
     trajectory,
     transcribe,
     uniform_instants,

@@ -31,7 +31,8 @@ from ocp_traj.scalarise import WeightedSum
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.nsga2 import NSGA2
 from ocp_traj.solvers.payload import along, static_bound
-from ocp_traj.transcription import evaluate_objectives, objective_function, trajectory
+from ocp_traj.symbolic import evaluate_objectives, objective_function
+from ocp_traj.transcription import trajectory
 
 Array = NDArray[np.float64]
 

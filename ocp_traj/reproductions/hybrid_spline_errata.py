@@ -11,8 +11,9 @@ from ocp_traj.evaluate import limit_on
 from ocp_traj.problem import Problem
 from ocp_traj.problems import hybrid_spline as paper
 from ocp_traj.solvers.payload import static_bound
+from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import evaluate_objectives, trajectory
+from ocp_traj.transcription import trajectory
 
 _CUT = "inverse kinematics: cut off, not rounded"
 _DIGIT = "inverse kinematics, and the z of Table 8 needs it, too"

@@ -19,7 +19,7 @@ from ocp_traj.comparison import Sheet, rounding_effect
 from ocp_traj.curves import cubic_spline_free_ends
 from ocp_traj.problem import Problem
 from ocp_traj.problems import hybrid_spline as paper
-from ocp_traj.transcription import objective_function
+from ocp_traj.symbolic import objective_function
 
 Array = NDArray[np.float64]
 
