@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from ocp_traj import measures
 from ocp_traj.audit import PROVED, UNDECIDED, VIOLATED, Audit, audit_all
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Objective, Problem
@@ -214,37 +215,14 @@ class Front:
         return Hypervolume(value, volume, self._mapping(worst), self._mapping(best), own)
 
     def spread(self) -> float:
-        """How unevenly the points lie, 0 for equal gaps; NaN for fewer than three points.
-
-        sum_i |d_i - mean d| / (N mean d) over the N distances d_i: between neighbours for two objectives (Delta of
-        Deb et al. 2002, IEEE TEC 6(2)), from each point to its nearest for more (Zhou et al. 2006, CEC), in objectives
-        divided by their ranges (our choice). The true front's ends are not known; with the own ones their terms vanish.
-        """
+        """How unevenly the points lie, 0 for equal gaps; NaN for fewer than three points; see ``measures.spread``."""
         if len(self) < 3:
             return np.nan
-        z = self.normalised()
-        if len(self.objectives) == 2:
-            gaps = np.linalg.norm(np.diff(z[np.lexsort(z.T[::-1])], axis=0), axis=1)
-        else:
-            between = np.linalg.norm(z[:, None] - z[None], axis=2)
-            gaps = (between + np.diag(np.full(len(z), np.inf))).min(axis=1)
-        return float(np.abs(gaps - gaps.mean()).mean() / gaps.mean()) if gaps.any() else np.nan
+        return measures.spread(self.normalised())
 
     def knee(self) -> int:
-        """Index of the point that bulges farthest towards the ideal from the hyperplane through the extreme points.
-
-        Das (1999), Structural Optimization 18, in objectives divided by their ranges. Where there is no such plane or
-        no point lies on the ideal's side of it (two points, a straight or a concave front): the point closest to the
-        ideal.
-        """
-        z = self.normalised()
-        extremes = np.array([z[min(range(len(z)), key=lambda i: (z[i, k], z[i].sum()))] for k in range(z.shape[1])])
-        if np.linalg.cond(extremes) < 1e9:  # our choice: beyond it the extremes do not span a plane
-            normal = np.linalg.solve(extremes, np.ones(len(extremes)))  # the plane is normal . z = 1, the ideal z = 0
-            distance = (1.0 - z @ normal) / np.linalg.norm(normal)
-            if (normal > 0.0).all() and distance.max() > SAME:
-                return int(np.argmax(distance))
-        return int(np.argmin(np.linalg.norm(z, axis=1)))
+        """Index of the point that bulges farthest towards the ideal; see ``measures.knee``."""
+        return measures.knee(self.normalised())
 
     def normalised(self) -> Array:
         """Traded objectives ``(points, objectives)``, 0 at the ideal and 1 at the nadir; 0 where they are equal."""

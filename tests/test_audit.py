@@ -598,7 +598,7 @@ def test_verdicts_do_not_lean_on_rounded_values() -> None:
             rest = audit_of(far(lambda s: casadi.sin(s.q[0])), -INF, math.sin(q) + offset, [q, q, q], p=[1.0, 1.0])
             arch = audit_of(far(lambda s: casadi.sin(s.q[0])), -INF, math.sin(q) + offset, [0.0, 2.0 * q, 0.0], p=[1.0, 1.0])
             assert (rest.verdict, arch.verdict) == (verdict, verdict)
-            assert rest.boxes <= 64 and arch.boxes <= 200
+            assert rest.boxes <= 64 and arch.boxes <= 600
 
 
 @pytest.mark.parametrize("size", [1.0, 1e-9, 1e6])
@@ -660,7 +660,7 @@ def test_extreme_durations_and_sizes_give_bounds_and_no_warning(duration: float,
     row = audit_of(lambda s: s.q[0] * s.p[0], -INF, 0.6 * size, points, durations=[duration], p=[1.0])
     peak = PiecewiseBezier([1.0], [np.array(points)[:, None]]).extrema(0)[0].upper
     assert row.proved_bound >= peak * (1.0 - 1e-12) and row.verdict != VIOLATED
-    assert row.verdict == PROVED or not 1e-30 <= duration <= 1e30
+    assert row.verdict == PROVED or not 1e-300 < Fraction(size) / Fraction(duration) ** 2 < 1e300
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e3, 1e8])
