@@ -318,7 +318,7 @@ def attack(seed: int, joints: int, batch: int) -> Counter[str]:
     return count
 
 
-@pytest.mark.parametrize(("joints", "batch"), [(1, 16), (2, 16), (3, 14), (4, 12), (6, 10), (7, 6)])
+@pytest.mark.parametrize(("joints", "batch"), [(1, 20), (2, 20), (3, 16), (5, 12), (7, 8)])
 def test_random_trajectories_never_contradict_their_audit(joints: int, batch: int) -> None:
     _decides_what_is_clear(attack(0, joints, batch))
 
@@ -358,7 +358,7 @@ def test_limits_on_derivatives_hold_exactly(family: str) -> None:
     rng = np.random.default_rng(list(CURVES).index(family))
     make, possible = CURVES[family]
     decided: Counter[str] = Counter()
-    for trial in range(6):
+    for _ in range(5):
         curve = make(rng, 2, int(rng.choice(possible)))
         for order in range(5):
             peaks, miss = curve.extrema(order), rng.choice(MISSES, size=2)
@@ -427,7 +427,7 @@ def in_60_digits(function: Any, inputs: list[list[Any]]) -> list[Any]:
     return result
 
 
-@pytest.mark.parametrize("joints", [2, 4])
+@pytest.mark.parametrize("joints", [1, 3])
 def test_bounds_hold_in_60_digits_where_the_limit_is_the_peak(joints: int) -> None:
     rng = np.random.default_rng([3, joints])
     assault = Attack(rng, random_robot(rng, joints), 2)
@@ -459,7 +459,7 @@ def _mpf(x: Fraction) -> Any:
     return mpmath.mpf(x.numerator) / x.denominator
 
 
-@pytest.mark.parametrize("joints", [1, 3, 5, 7])
+@pytest.mark.parametrize("joints", [1, 3, 6])
 def test_torques_of_pinocchio_respect_the_audit(joints: int) -> None:
     rng = np.random.default_rng([4, joints])
     robot, payload = random_robot(rng, joints), 2.0
@@ -469,11 +469,11 @@ def test_torques_of_pinocchio_respect_the_audit(joints: int) -> None:
     data, audited = model.createData(), Counter[str]()
     scans = []
     for curve in curves:
-        t = np.linspace(0.0, curve.duration, 1500)
+        t = np.linspace(0.0, curve.duration, 1000)
         states = zip(*(curve(t, order) for order in range(3)), strict=True)
         scans.append(np.array([pin.rnea(model, data, *state) for state in states]).T)
     # Bounds at the peaks of one curve, and next to them: what is right for one is wrong for others.
-    for reference in scans[:4]:
+    for reference in scans[:3]:
         size = np.abs(reference).max(axis=1) * (1.0 + rng.choice([1e-6, -1e-6, 0.1], size=joints))
         limit = PathConstraint("torque", lambda s: robot.effort(s.q, s.v, s.a, payload=s.p[0]), -size, size,
                                robot.effort_units, robot.joints)  # fmt: skip
@@ -593,7 +593,7 @@ def far(x: Any) -> Any:
 def test_verdicts_do_not_lean_on_rounded_values() -> None:
     """With values known to some 1e-8, what is 1e-9 off the limit is neither proved nor violated; 1e-6 is."""
     rng = np.random.default_rng(5)
-    for q in rng.uniform(0.1, 1.4, 40):
+    for q in rng.uniform(0.1, 1.4, 12):
         for offset, verdict in ((1e-9, UNDECIDED), (-1e-9, UNDECIDED), (1e-6, PROVED), (-1e-6, VIOLATED)):
             rest = audit_of(far(lambda s: casadi.sin(s.q[0])), -INF, math.sin(q) + offset, [q, q, q], p=[1.0, 1.0])
             arch = audit_of(far(lambda s: casadi.sin(s.q[0])), -INF, math.sin(q) + offset, [0.0, 2.0 * q, 0.0], p=[1.0, 1.0])
@@ -646,8 +646,8 @@ def test_huge_angles_are_never_proved_within_what_sine_exceeds(reach: float) -> 
     )
 
 
-@pytest.mark.parametrize("duration", [1e-320, 1e-150, 1e-30, 1e-6, 1e6, 1e30, 1e150, 1e300])
-@pytest.mark.parametrize("size", [1e-300, 1e-30, 1.0, 1e30, 1e300])
+@pytest.mark.parametrize("duration", [1e-320, 1e-150, 1e-30, 1e30, 1e150, 1e300])
+@pytest.mark.parametrize("size", [1e-300, 1.0, 1e300])
 def test_extreme_durations_and_sizes_give_bounds_and_no_warning(duration: float, size: float) -> None:
     points = [0.0, size, -0.3 * size, 0.5 * size, 0.0]
     for order in range(5):
@@ -666,7 +666,7 @@ def test_extreme_durations_and_sizes_give_bounds_and_no_warning(duration: float,
 @pytest.mark.parametrize("offset", [0.0, 1e3, 1e8])
 def test_tiny_motions_far_from_the_origin_are_bounded(offset: float) -> None:
     rng = np.random.default_rng(6)
-    for _ in range(20):
+    for _ in range(8):
         points = offset + 1e-6 * rng.normal(size=(8, 1))
         peak = max(exact_derivative(PiecewiseBezier([0.5], [points]), 0, 0, 0, Fraction(i, 64)) for i in range(65))
         for miss in (1e-8, -1e-8):
