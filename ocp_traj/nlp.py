@@ -99,6 +99,7 @@ class Status(Enum):
     SOLVED = "solved"
     ACCEPTABLE = "solved to the acceptable tolerance"
     FEASIBLE = "stopped at a feasible point"
+    UNPROVED = "feasible at its instants, not proved between them"
     INFEASIBLE = "infeasible"
     ITERATION_LIMIT = "iteration limit"
     TIME_LIMIT = "time limit"
@@ -193,6 +194,8 @@ class Solution:
 
     def explain(self) -> str:
         """One line: how it ended and, where infeasible, the limits in conflict, worst first."""
+        if self.status is Status.UNPROVED and self.audit is not None:
+            return f"{self.name}: {self.audit.explain()}"
         if self.status is Status.INFEASIBLE and self.conflicts:
             worst = "; ".join(str(conflict) for conflict in self.conflicts[:6])
             return f"{self.name}: no trajectory meets these limits together: {worst}"

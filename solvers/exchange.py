@@ -73,7 +73,8 @@ class Exchange:
         begun = time.perf_counter()
         given = [replace(instant, slope=None) for instant in self.first or ()]  # slopes of another solution mislead
         instants = given or list(few_instants(problem))
-        x, iterations, back_off, excess = np.asarray(x0, dtype=float), 0, self.back_off, np.inf
+        x, extra, iterations = np.asarray(x0, dtype=float), np.zeros(0), 0
+        back_off, excess = self.back_off, np.inf
         last: Solution | None = None  # feasible at its instants, not proved
         for number in range(1, self.max_rounds + 1):
             nlp = transcribe(problem, scalarisation, instants, back_off)
@@ -92,7 +93,7 @@ class Exchange:
             if not solution.ok:
                 solution = replace(solution, seconds=time.perf_counter() - begun)
                 break
-            x = solution.x[: problem.size]
+            x, extra = solution.x[: problem.size], solution.x[problem.size :]
             last = solution = _finished(problem, solution, x, begun)
             assert solution.audit is not None and solution.trajectory is not None
             self.progress(number, self.max_rounds, f"{len(nlp.rows)} rows, {solution.audit.verdict}")
@@ -107,12 +108,37 @@ class Exchange:
             instants, renamed = _merge(instants, peaks, x, problem)
             inherited = {new: solution.multipliers.get(old, 0.0) for new, old in renamed.items()}
             warm = replace(solution, multipliers={**solution.multipliers, **inherited})
-        if self.repair and last is not None and last.audit is not None:
-            (mended,), (found,) = slow_down(problem, [last.x], [last.audit])
-            if found.proved:
-                words = "slowed down until every limit was proved"
-                return _finished(problem, replace(last, status=Status.FEASIBLE, detail=words), mended, begun, found)
+        if self.repair and last is not None:
+            last = _mended(problem, scalarisation, last, extra, self.solver.feasibility)
+        if last is not None and last.audit is not None and last.audit.proved:
+            return replace(last, seconds=time.perf_counter() - begun)
+        # Infeasible on the way is an answer, with the limits in conflict; else there is a point, but no proof of it.
+        if solution.status is Status.INFEASIBLE or last is None:
+            return solution
+        return replace(last, status=Status.UNPROVED, seconds=time.perf_counter() - begun)
+
+
+def _mended(
+    problem: Problem, scalarisation: Scalarisation, solution: Solution, extra: Array, feasibility: float
+) -> Solution:
+    """The solution slowed down until it is proved, if that can be done within the bounds on its objectives."""
+    assert solution.audit is not None
+    (mended,), (found,) = slow_down(problem, [solution.x], [solution.audit])
+    nlp = transcribe(problem, scalarisation, ())
+    f, g = (np.array(v).ravel() for v in casadi.Function("value", [nlp.x], [nlp.f, nlp.g])(np.append(mended, extra)))
+    violation = nlp.violation(np.append(mended, extra), g)
+    if not found.proved or not violation <= feasibility:
         return solution
+    slowed = replace(
+        solution,
+        f=float(f[0]),
+        status=Status.FEASIBLE,
+        violation=violation,
+        multipliers={},
+        slacks={},
+        detail="slowed down until every limit was proved",
+    )
+    return _finished(problem, slowed, mended, time.perf_counter(), found)
 
 
 def _excess(problem: Problem, checked: Audit) -> float:

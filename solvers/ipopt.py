@@ -135,7 +135,7 @@ class Ipopt:
         status = _STATUS.get(stats["return_status"], Status.FAILED)
         if status.ok and not violation <= self.feasibility:
             status = Status.FAILED
-        elif status in (Status.ITERATION_LIMIT, Status.TIME_LIMIT) and violation <= self.feasibility:
+        elif status in (Status.INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT) and violation <= self.feasibility:
             status = Status.FEASIBLE
         return Solution(
             name=nlp.name,
@@ -177,6 +177,8 @@ class Ipopt:
         start = np.concatenate([x0, *[np.where(np.isfinite(e), e, 1.0) + 1e-3 for e in excess]])
         solver = Ipopt(1e-8, self.max_iter, self.max_seconds, self.linear_solver)
         solution = solver._run(elastic, start, None, time.perf_counter())
+        if not solution.ok:
+            return ()  # without its least-violating point nothing is known of who stands in whose way
         high, low = solution.x[n : n + m], solution.x[n + m :]
         values = np.array(casadi.Function("g", [nlp.x], [nlp.g])(solution.x[:n])).ravel()
         found: dict[tuple[str, str], Conflict] = {}

@@ -596,7 +596,9 @@ def test_verdicts_do_not_lean_on_rounded_values() -> None:
     for q in rng.uniform(0.1, 1.4, 12):
         for offset, verdict in ((1e-9, UNDECIDED), (-1e-9, UNDECIDED), (1e-6, PROVED), (-1e-6, VIOLATED)):
             rest = audit_of(far(lambda s: casadi.sin(s.q[0])), -INF, math.sin(q) + offset, [q, q, q], p=[1.0, 1.0])
-            arch = audit_of(far(lambda s: casadi.sin(s.q[0])), -INF, math.sin(q) + offset, [0.0, 2.0 * q, 0.0], p=[1.0, 1.0])
+            arch = audit_of(
+                far(lambda s: casadi.sin(s.q[0])), -INF, math.sin(q) + offset, [0.0, 2.0 * q, 0.0], p=[1.0, 1.0]
+            )
             assert (rest.verdict, arch.verdict) == (verdict, verdict)
             assert rest.boxes <= 64 and arch.boxes <= 600
 

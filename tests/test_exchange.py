@@ -146,13 +146,11 @@ def test_one_round_is_repaired_by_slowing_down(hybrid: Problem) -> None:
     assert solution.objectives == evaluate_objectives(hybrid, solution.x)
 
 
-@pytest.mark.xfail(strict=True, reason="Exchange keeps f of the solution before the repair")
 def test_a_repaired_solution_has_the_value_of_what_it_returns(hybrid: Problem) -> None:
     solution = solve(hybrid, TIME, solver=Exchange(max_rounds=1))
     assert solution.f == pytest.approx(solution.objectives["time"], rel=1e-12)
 
 
-@pytest.mark.xfail(strict=True, reason="Exchange does not look at the rows of the scalarisation after a repair")
 def test_a_repair_does_not_break_a_bound_on_an_objective(hybrid: Problem) -> None:
     """Slowed down, the trajectory takes longer than it may: it is not to be called feasible."""
     solution = solve(hybrid, EpsilonConstraint("energy", {"time": 2.6}), solver=Exchange(max_rounds=1))
