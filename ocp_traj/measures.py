@@ -40,10 +40,9 @@ def knee(points: Array) -> int:
     Args:
         points: ``(N, objectives)``, 0 at the ideal, 1 at the nadir.
     """
-    rows = range(len(points))
-    extremes = np.array(
-        [points[min(rows, key=lambda i, k=k: (points[i, k], points[i].sum()))] for k in range(points.shape[1])]
-    )
+    # The best point in each objective; of several, the one that is best in the others.
+    order = [np.lexsort((points.sum(axis=1), points[:, k]))[0] for k in range(points.shape[1])]
+    extremes = points[order]
     if np.linalg.cond(extremes) < SINGULAR:
         normal = np.linalg.solve(extremes, np.ones(len(extremes)))  # the plane is normal . z = 1, the ideal z = 0
         distance = (1.0 - points @ normal) / np.linalg.norm(normal)

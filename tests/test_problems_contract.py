@@ -14,9 +14,9 @@ from ocp_traj.audit import VIOLATED
 from ocp_traj.population import Population
 from ocp_traj.problem import Problem
 from ocp_traj.scalarise import WeightedSum
+from ocp_traj.symbolic import evaluate_objectives, objective_function
 from ocp_traj.tape import Tape
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.symbolic import evaluate_objectives, objective_function
 from ocp_traj.transcription import few_instants, trajectory, transcribe
 from tests.closed_form import Direct
 
