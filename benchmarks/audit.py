@@ -24,8 +24,8 @@ from ocp_traj import problems
 from ocp_traj.audit import audit_all
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.evaluate import limit_on
-from ocp_traj.requirements import PathConstraint, Requirements, State
 from ocp_traj.limits import Limits
+from ocp_traj.requirements import PathConstraint, Requirements, State
 from ocp_traj.robot import Robot
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import trajectory as of_vector
@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 
 POINTS = 100_000
 REPEATS = 7
+WIDTHS = (6, 8, 6, 8, 8, 8, 10, 8)  # of the table's columns
 JOINTS = ("A1", "A2", "A3", "A4", "A5", "A6")
 
 # A stand-in for the KUKA KR90 R3100: its dimensions, and the inertial figures of the KR150 R3100-2 as published in
@@ -155,7 +156,7 @@ def subjects() -> list[Subject]:
     rng = np.random.default_rng(0)
     splines = [of_vector(hybrid, hybrid.guess(rng)).dilate(1.5) for _ in range(40)]
     arm = six_joint_arm()
-    one, two = (Trajectory(tag_to_tag(rest), JOINTS) for rest in (True, False))
+    one, two = Trajectory(tag_to_tag(True), JOINTS), Trajectory(tag_to_tag(False, 7.0), JOINTS)
     return [
         Subject("hybrid-spline", splines[:1], hybrid.requirements, hybrid.robot),
         Subject("hybrid-spline, 40 together", splines, hybrid.requirements, hybrid.robot),
@@ -195,10 +196,14 @@ def rnea(trajectory: Trajectory, robot: Robot) -> None:
 
 def main() -> None:
     """Prints the table."""
-    head = f"{'trajectory':30} {'joints':>6} {'segments':>8} {'boxes':>6} {'audit':>9} {'scan':>9} {'rnea':>9} {'scan/audit':>10} {'gap':>8}  verdict"
     print("Per trajectory; audit, scan and rnea in ms. scan: 1e5 instants, all limits, float tape. rnea: torque only,")
     print("1e4 instants times ten. gap: largest distance of proved bound and attained value, of the limit's range.\n")
-    print(head)
+    columns = ("joints", "segments", "boxes", "audit", "scan", "rnea", "scan/audit", "gap")
+    print(
+        f"{'trajectory':30} "
+        + " ".join(f"{name:>{width}}" for name, width in zip(columns, WIDTHS, strict=True))
+        + "  verdict"
+    )
     for name, trajectories, requirements, robot in subjects():
         count = len(trajectories)
         audits = audit_all(trajectories, requirements)
@@ -212,10 +217,12 @@ def main() -> None:
         boxes = sum({(id(a), r.limit): r.boxes for a in audits for r in a.rows}.values()) / count
         gap = max(abs(r.proved_bound - r.attained) / scale[r.limit, r.label] for r in rows)
         verdicts = sorted({a.verdict for a in audits})
-        print(
-            f"{name:30} {robot.size:6d} {trajectories[0].curve.segments:8d} {boxes:6.0f} {proof:9.1f} {looking:9.1f} "
-            f"{loop:9.1f} {looking / proof:10.1f} {gap:8.1e}  {', '.join(verdicts)}"
-        )
+        cells = (
+            f"{robot.size}", f"{trajectories[0].curve.segments}", f"{boxes:.0f}", f"{proof:.1f}", f"{looking:.1f}",
+            f"{loop:.1f}", f"{looking / proof:.1f}", f"{gap:.1e}",
+        )  # fmt: skip
+        line = " ".join(f"{cell:>{width}}" for cell, width in zip(cells, WIDTHS, strict=True))
+        print(f"{name:30} {line}  {', '.join(verdicts)}")
 
 
 if __name__ == "__main__":

@@ -264,11 +264,12 @@ class _Prover:
                 f"limit {limit.id!r} has constants for {len(limit.constants)} segments; the trajectories have "
                 f"{sorted({t.curve.segments for t in trajectories})}"
             )
-        if limit.order is None:
+        order = limit.order
+        if order is None:
             compiled = requirements.compiled(limit, "proof", lambda: self._compile(requirements, limit))
             self.order, self.value, self.curvature = compiled
         else:
-            requirements.compiled(limit, "order", lambda: _require_derivative(requirements, limit))
+            requirements.compiled(limit, "order", lambda: _require_derivative(requirements, limit, order))
 
     @staticmethod
     def _compile(requirements: Requirements, limit: PathConstraint) -> tuple[int, Tape, Tape]:
@@ -300,6 +301,7 @@ class _Prover:
             owner, segment, points, duration = map(np.array, zip(*members, strict=True))
             parts.append(Arcs.of_segments(owner, segment, points, duration, orders))
         arcs = Arcs.join(parts)
+        arcs = arcs.take(np.lexsort((arcs.segment, arcs.owner)))  # every array of arcs is in the order of its owners
         while self.limit.order is None and len(arcs) < FIRST:
             left, right = arcs.split(np.full(len(arcs), 0.5))
             arcs = left.interleave(right)
@@ -477,15 +479,15 @@ def _where_defined(bounds: Pair, conditions: Pair, *numbers: Pair) -> Pair:
     return np.where(defined, bounds[0], -np.inf), np.where(defined, bounds[1], np.inf)
 
 
-def _require_derivative(requirements: Requirements, limit: PathConstraint) -> bool:
+def _require_derivative(requirements: Requirements, limit: PathConstraint, order: int) -> bool:
     """Refuses a limit that claims to be on a derivative itself and is not: its expression would not be read."""
     function = requirements.function(limit)
     state = [casadi.SX.sym("z", function.sparsity_in(i)) for i in range(4)]
     value, dof = function(*state), requirements.dof
-    derivative = state[0][limit.order * dof : (limit.order + 1) * dof]
+    derivative = casadi.vertsplit(state[0], dof)[order]
     if value.numel() != dof or not all(casadi.is_equal(value[i], derivative[i]) for i in range(dof)):
         raise ProblemDefinitionError(
-            f"limit {limit.id!r}: it says order={limit.order}, but its expression is not {ORDERS[limit.order]} itself; "
+            f"limit {limit.id!r}: it says order={order}, but its expression is not that derivative of the joints; "
             "leave order out"
         )
     return True
@@ -510,10 +512,10 @@ def _check_points(
             for order in range(highest + 1):
                 state[order, :, i, j] = trajectory.curve.at(segment, u, order)[0]
     columns = state.reshape(len(ORDERS) * requirements.dof, -1)
-    u = np.tile([u for _, u in point.at], len(trajectories))[None]
+    local = np.tile([u for _, u in point.at], len(trajectories))[None]
     p = np.array([[t.parameters[name] for t in trajectories for _ in point.at] for name in requirements.parameters])
     p = p.reshape(len(requirements.parameters), columns.shape[1])
-    values = tape.evaluate(columns, u, p, np.zeros((0, 1)))[0].reshape(-1, len(trajectories), len(point.at))
+    values = tape.evaluate(columns, local, p, np.zeros((0, 1)))[0].reshape(-1, len(trajectories), len(point.at))
     return [_point_rows(trajectory, point, values[:, i]) for i, trajectory in enumerate(trajectories)]
 
 
@@ -545,7 +547,7 @@ def _point_rows(trajectory: Trajectory, point: PointConstraint, values: Array) -
 
 
 def _check_continuity(trajectory: Trajectory, requirements: Requirements) -> list[AuditRow]:
-    """Jumps across inner knots: at most 1e-9 of the largest value of the derivative, beside what rounding makes of it."""
+    """Jumps across inner knots: at most 1e-9 of the largest value of the derivative, beside what rounding makes."""
     curve: PiecewiseBezier = trajectory.curve
     rows: list[AuditRow] = []
     if curve.segments == 1:

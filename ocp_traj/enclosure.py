@@ -32,7 +32,7 @@ class Arcs:
     """N sub-arcs of segments, written at one degree n.
 
     Attributes:
-        owner: index of the trajectory ``(N,)``, ascending.
+        owner: index of the trajectory ``(N,)``.
         segment: ``(N,)``.
         a, b: local times of the ends ``(N,)``, rounded; the arcs tile their segment exactly.
         duration: of the whole segment [s] ``(N,)``.
@@ -71,19 +71,20 @@ class Arcs:
 
     @classmethod
     def join(cls, parts: Sequence[Arcs]) -> Arcs:
-        """All of some arcs not cut yet, in the order of their owners, written at the highest degree among them."""
-        counts = [max(low.shape[1] for low, _ in pairs) for pairs in zip(*(p.hodographs for p in parts), strict=True)]
-        raised = [
-            [
-                (_elevated(low, n, -1.0), _elevated(high, n, 1.0))
-                for n, (low, high) in zip(counts, p.hodographs, strict=True)
-            ]
-            for p in parts
+        """Some arcs after each other, written at the highest degree among them."""
+        counts = [
+            max(low.shape[1] for low, _ in same) for same in zip(*(part.hodographs for part in parts), strict=True)
         ]
-        names = ("owner", "segment", "a", "b", "duration")
-        plain = [np.concatenate([getattr(part, name) for part in parts]) for name in names]
-        pairs = [tuple(np.concatenate(ends) for ends in zip(*same, strict=True)) for same in zip(*raised, strict=True)]
-        return cls(*plain, tuple((low, high) for low, high in pairs)).take(np.lexsort((plain[1], plain[0])))
+        hodographs = []
+        for order, count in enumerate(counts):
+            pairs = [part.hodographs[order] for part in parts]
+            low = np.concatenate([_elevated(pair[0], count, -1.0) for pair in pairs])
+            hodographs.append((low, np.concatenate([_elevated(pair[1], count, 1.0) for pair in pairs])))
+        owner, segment, a, b, duration = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("owner", "segment", "a", "b", "duration")
+        )
+        return cls(owner, segment, a, b, duration, tuple(hodographs), max(part.splits for part in parts))
 
     def __len__(self) -> int:
         """Number of arcs."""
@@ -111,12 +112,8 @@ class Arcs:
         )
 
     def interleave(self, other: Arcs) -> Arcs:
-        """These arcs and as many others, cut as often, alternating."""
-        names = ("owner", "segment", "a", "b", "duration")
-        plain = [interleave(getattr(self, name), getattr(other, name)) for name in names]
-        pairs = zip(self.hodographs, other.hodographs, strict=True)
-        hodographs = tuple((interleave(x[0], y[0]), interleave(x[1], y[1])) for x, y in pairs)
-        return Arcs(*plain, hodographs, self.splits)
+        """These arcs and as many others in turn."""
+        return Arcs.join([self, other]).take(np.arange(2 * len(self)).reshape(2, -1).T.ravel())
 
     def hull(self, order: int) -> Pair:
         """Bounds of one derivative on each arc, ``(dof, N)`` each."""
@@ -154,11 +151,6 @@ def _widened(a: Array, b: Array, slack: float) -> Pair:
     return np.maximum(lower, 0.0)[None], np.minimum(upper, 1.0)[None]
 
 
-def interleave(left: Array, right: Array) -> Array:
-    """Entries of two arrays in turn, along the first axis."""
-    return np.stack([left, right], axis=1).reshape(-1, *left.shape[1:])
-
-
 def _de_casteljau(lower: Array, upper: Array, r: Array, s: Array) -> tuple[Pair, Pair]:
     """Outward-rounded control points of both parts; r + s = 1, ``(N, 1, 1)``."""
     left, right = [(lower[:, :1], upper[:, :1])], [(lower[:, -1:], upper[:, -1:])]
@@ -193,7 +185,8 @@ def parabola_bound(start: Array, end: Array, curvature: Array, width: Array) -> 
     """Upper bound of g on arcs from bounds at the ends and of -g''.
 
     Args:
-        start, end: upper bounds of g at the ends ``(.., N)``.
+        start: upper bound of g at the start ``(.., N)``.
+        end: the same at the end.
         curvature: upper bound of -g'' ``(.., N)`` [per s^2].
         width: upper bounds of the durations ``(N,)`` [s].
 

@@ -325,7 +325,7 @@ def test_random_trajectories_never_contradict_their_audit(joints: int, batch: in
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 6))
-@pytest.mark.parametrize(("joints", "batch"), [(1, 130), (2, 110), (3, 80), (4, 50), (5, 30), (6, 15), (7, 10)])
+@pytest.mark.parametrize(("joints", "batch"), [(1, 140), (2, 110), (3, 80), (4, 45), (5, 25), (6, 12), (7, 8)])
 def test_2100_random_trajectories_never_contradict_their_audits(seed: int, joints: int, batch: int) -> None:
     _decides_what_is_clear(attack(seed, joints, batch))
 
@@ -529,14 +529,27 @@ MIDWAY = [1.0, -2.0, 1.0]  # from 1 down to -0.5 and back
 @pytest.mark.parametrize(
     "expression",
     [
-        lambda s: casadi.sqrt(s.q[0]), lambda s: casadi.log(s.q[0]), lambda s: 1.0 / s.q[0], lambda s: 2.0 / (s.q[0] * 1.0),
-        lambda s: s.q[0] ** 2.5, lambda s: s.q[0] ** 0.5, lambda s: s.q[0] ** -2.0, lambda s: s.q[0] ** s.q[0],
-        lambda s: casadi.acos(2.0 * s.q[0]), lambda s: casadi.asin(s.q[0] - 1.0), lambda s: casadi.atanh(1.5 * s.q[0]),
-        lambda s: casadi.acosh(1.0 + s.q[0]), lambda s: casadi.log1p(s.q[0] - 0.9), lambda s: casadi.tan(3.0 * s.q[0]),
-        lambda s: casadi.sqrt(-1.0 - s.q[0] ** 2), lambda s: casadi.sqrt(s.u - 0.5), lambda s: s.q[0] / (s.u - 0.3),
-        lambda s: s.q[0] + casadi.SX(math.nan), lambda s: s.q[0] * casadi.SX(INF),
+        lambda s: casadi.sqrt(s.q[0]),
+        lambda s: casadi.log(s.q[0]),
+        lambda s: 1.0 / s.q[0],
+        lambda s: 2.0 / (s.q[0] * 1.0),
+        lambda s: s.q[0] ** 2.5,
+        lambda s: s.q[0] ** 0.5,
+        lambda s: s.q[0] ** -2.0,
+        lambda s: s.q[0] ** s.q[0],
+        lambda s: casadi.acos(2.0 * s.q[0]),
+        lambda s: casadi.asin(s.q[0] - 1.0),
+        lambda s: casadi.atanh(1.5 * s.q[0]),
+        lambda s: casadi.acosh(1.0 + s.q[0]),
+        lambda s: casadi.log1p(s.q[0] - 0.9),
+        lambda s: casadi.tan(3.0 * s.q[0]),
+        lambda s: casadi.sqrt(-1.0 - s.q[0] ** 2),
+        lambda s: casadi.sqrt(s.u - 0.5),
+        lambda s: s.q[0] / (s.u - 0.3),
+        lambda s: s.q[0] + casadi.SX(math.nan),
+        lambda s: s.q[0] * casadi.SX(INF),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("factor", [1.0, 0.0])
 def test_what_is_undefined_or_unbounded_somewhere_is_never_proved(expression: Any, factor: float) -> None:
     """The factor is a parameter: an interval times zero is zero, whatever the interval."""
@@ -557,12 +570,22 @@ def test_a_parameter_that_is_no_number_is_never_proved(value: float) -> None:
 @pytest.mark.parametrize(
     "expression",
     [
-        lambda x: casadi.fabs(x), lambda x: casadi.fmax(x, -x), lambda x: -casadi.fmin(x, -x), lambda x: x * casadi.sign(x),
-        lambda x: casadi.if_else(x > 0, x, -x), lambda x: casadi.sqrt(x**2), lambda x: casadi.sqrt(casadi.sumsqr(x)),
-        lambda x: (x**2) ** 0.5, lambda x: 1.0 + casadi.floor(-x), lambda x: casadi.ceil(x), lambda x: 1 - casadi.fmod(1 - x, 2),
-        lambda x: casadi.copysign(x, 1.0), lambda x: casadi.norm_1(x), lambda x: casadi.atan2(x, -1.0),
+        lambda x: casadi.fabs(x),
+        lambda x: casadi.fmax(x, -x),
+        lambda x: -casadi.fmin(x, -x),
+        lambda x: x * casadi.sign(x),
+        lambda x: casadi.if_else(x > 0, x, -x),
+        lambda x: casadi.sqrt(x**2),
+        lambda x: casadi.sqrt(casadi.sumsqr(x)),
+        lambda x: (x**2) ** 0.5,
+        lambda x: 1.0 + casadi.floor(-x),
+        lambda x: casadi.ceil(x),
+        lambda x: 1 - casadi.fmod(1 - x, 2),
+        lambda x: casadi.copysign(x, 1.0),
+        lambda x: casadi.norm_1(x),
+        lambda x: casadi.atan2(x, -1.0),
     ],
-)  # fmt: skip
+)
 def test_kinks_and_jumps_are_refused(expression: Any) -> None:
     """On a straight line through 0 the second derivative misses them: the ends say 1 and more, the middle 0."""
     with pytest.raises(KinkedExpression):
@@ -872,14 +895,23 @@ def test_curvature_is_the_second_derivative_along_a_curve() -> None:
 @pytest.mark.parametrize(
     ("expression", "inside", "outside"),
     [
-        (casadi.sqrt, [0.1, 5.0], [0.0, -1.0]), (casadi.log, [0.1, 5.0], [0.0, -1.0]), (lambda x: 1 / x, [-1.0, 2.0], [0.0]),
-        (lambda x: 3 / (x - 1), [0.0, 2.0], [1.0]), (casadi.asin, [-0.9, 0.9], [-1.0, 1.0, 2.0]), (lambda x: x**-1.5, [0.1], [0.0, -1.0]),
-        (casadi.acos, [-0.9, 0.9], [-1.0, 1.0, 2.0]), (casadi.atanh, [-0.9, 0.9], [-1.0, 1.0, 2.0]), (lambda x: x**-2, [-1.0, 1.0], [0.0]),
-        (casadi.acosh, [1.1, 2.0], [1.0, 0.0]), (casadi.log1p, [-0.9, 2.0], [-1.0, -2.0]), (lambda x: x**x, [0.1, 2.0], [0.0, -1.0]),
-        (lambda x: x**2.5, [0.1, 2.0], [-1.0]), (lambda x: casadi.sin(x) / 3 + x**3 + casadi.exp(x) + casadi.atan(x), [0.0, -1.0], []),
+        (casadi.sqrt, [0.1, 5.0], [0.0, -1.0]),
+        (casadi.log, [0.1, 5.0], [0.0, -1.0]),
+        (lambda x: 1 / x, [-1.0, 2.0], [0.0]),
+        (lambda x: 3 / (x - 1), [0.0, 2.0], [1.0]),
+        (casadi.asin, [-0.9, 0.9], [-1.0, 1.0, 2.0]),
+        (lambda x: x**-1.5, [0.1], [0.0, -1.0]),
+        (casadi.acos, [-0.9, 0.9], [-1.0, 1.0, 2.0]),
+        (casadi.atanh, [-0.9, 0.9], [-1.0, 1.0, 2.0]),
+        (lambda x: x**-2, [-1.0, 1.0], [0.0]),
+        (casadi.acosh, [1.1, 2.0], [1.0, 0.0]),
+        (casadi.log1p, [-0.9, 2.0], [-1.0, -2.0]),
+        (lambda x: x**x, [0.1, 2.0], [0.0, -1.0]),
+        (lambda x: x**2.5, [0.1, 2.0], [-1.0]),
+        (lambda x: casadi.sin(x) / 3 + x**3 + casadi.exp(x) + casadi.atan(x), [0.0, -1.0], []),
         (casadi.tan, [0.0, 1.5], []),
     ],
-)  # fmt: skip
+)
 def test_domain_is_where_operations_are_defined(expression: Any, inside: list[float], outside: list[float]) -> None:
     x = casadi.SX.sym("x")
     domain = domain_function(casadi.Function("f", [x], [expression(x)]))
