@@ -14,7 +14,6 @@ from typing import Annotated, Any
 import typer
 
 from ocp_traj import api, problems, screen
-from ocp_traj.audit import Audit
 from ocp_traj.audit import audit as run_audit
 from ocp_traj.errors import InputError, OcpTrajError
 from ocp_traj.export import export as run_export
@@ -25,6 +24,7 @@ from ocp_traj.problem import Problem
 from ocp_traj.reproduce import reproduce as run_reproduce
 from ocp_traj.store import check_target, save_run
 from ocp_traj.trajectory import Trajectory
+from ocp_traj.verdicts import Audit
 
 DONE, NOT_PROVED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 

@@ -13,12 +13,13 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj import measures
-from ocp_traj.audit import PROVED, UNDECIDED, VIOLATED, Audit, audit_all
+from ocp_traj.audit import audit_all
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Objective, Problem
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import trajectory
+from ocp_traj.verdicts import PROVED, UNDECIDED, VIOLATED, Audit
 
 Array = NDArray[np.float64]
 Point = Mapping[str, float] | Sequence[float]

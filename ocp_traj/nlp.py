@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from ocp_traj.errors import NoSolutionFound, ProblemDefinitionError
 
 if TYPE_CHECKING:
-    from ocp_traj.audit import Audit
     from ocp_traj.trajectory import Trajectory
     from ocp_traj.transcription import Instant
+    from ocp_traj.verdicts import Audit
 
 Array = NDArray[np.float64]
 

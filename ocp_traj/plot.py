@@ -13,13 +13,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from ocp_traj.audit import PROVED, UNDECIDED, VIOLATED
 from ocp_traj.errors import InputError
 from ocp_traj.evaluate import limit_along
 from ocp_traj.files import write_with
 from ocp_traj.front import Front
 from ocp_traj.requirements import PathConstraint, Requirements
 from ocp_traj.trajectory import Trajectory
+from ocp_traj.verdicts import PROVED, UNDECIDED, VIOLATED
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,6 @@ import pandas as pd
 
 import ocp_traj
 from ocp_traj import problems
-from ocp_traj.audit import PROVED, UNDECIDED, VIOLATED
 from ocp_traj.errors import FileFormatError, InputError
 from ocp_traj.files import read_json, read_text
 from ocp_traj.front import Front, FrontPoint, Hypervolume
@@ -29,6 +28,7 @@ from ocp_traj.plot import plot_front
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import case_fields, trajectory
+from ocp_traj.verdicts import PROVED, UNDECIDED, VIOLATED
 
 FORMAT = "ocp-traj/run/1"
 PACKAGES = ("casadi", "pin", "pymoo", "numpy")

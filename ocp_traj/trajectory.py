@@ -19,7 +19,7 @@ from ocp_traj.errors import FileFormatError, InputError, ProblemDefinitionError
 from ocp_traj.files import read_json, write_text
 
 if TYPE_CHECKING:
-    from ocp_traj.audit import Audit
+    from ocp_traj.verdicts import Audit
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.audit import Audit, audit
+from ocp_traj.audit import audit
 from ocp_traj.evaluate import limit_on
 from ocp_traj.nlp import Row, Solution, Status
 from ocp_traj.problem import Problem
@@ -29,6 +29,7 @@ from ocp_traj.solvers.repair import slow_down
 from ocp_traj.symbolic import SymbolicCurve, evaluate_objectives
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import BACK_OFF, Instant, few_instants, limit_values, trajectory, transcribe
+from ocp_traj.verdicts import Audit
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.audit import Audit, audit_all
+from ocp_traj.audit import audit_all
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.fixed_states import fixed_values
 from ocp_traj.nlp import Solution
@@ -22,6 +22,7 @@ from ocp_traj.problem import Problem
 from ocp_traj.scalarise import EpsilonConstraint
 from ocp_traj.solvers.multistart import Multistart
 from ocp_traj.trajectory import Trajectory
+from ocp_traj.verdicts import Audit
 
 Array = NDArray[np.float64]
 

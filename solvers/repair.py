@@ -11,9 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.audit import Audit, audit_all
+from ocp_traj.audit import audit_all
 from ocp_traj.problem import Problem
 from ocp_traj.transcription import trajectory
+from ocp_traj.verdicts import Audit
 
 Array = NDArray[np.float64]
 

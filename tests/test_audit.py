@@ -24,30 +24,20 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly, CubicSpline, PchipInterpolator
 
 from benchmarks.audit import JOINTS, six_joint_arm, tag_to_tag, torque
-from ocp_traj import audit as audit_module
 from ocp_traj import problems
-from ocp_traj.audit import (
-    ALLOWANCE,
-    CHECKED,
-    PROVED,
-    UNDECIDED,
-    VIOLATED,
-    Audit,
-    AuditRow,
-    audit,
-    audit_all,
-    curvature_function,
-    domain_function,
-)
+from ocp_traj import prover as prover_module
+from ocp_traj.audit import audit, audit_all
 from ocp_traj.bernstein import PiecewiseBezier, basis
 from ocp_traj.curves import cubic_spline_free_ends
 from ocp_traj.errors import InputError, KinkedExpression, ProblemDefinitionError, UnsupportedOperation
 from ocp_traj.evaluate import limit_on
+from ocp_traj.prover import curvature_function, domain_function
 from ocp_traj.requirements import ORDERS, PathConstraint, PointConstraint, Requirements, State
 from ocp_traj.robot import Robot
 from ocp_traj.tape import Tape
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import trajectory as of_vector
+from ocp_traj.verdicts import ALLOWANCE, CHECKED, PROVED, UNDECIDED, VIOLATED, Audit, AuditRow
 from tests.random_robots import random_robot
 
 Array = NDArray[np.float64]
@@ -843,8 +833,8 @@ def test_trajectories_are_audited_together_as_alone(monkeypatch: pytest.MonkeyPa
     rng = np.random.default_rng(9)
     trajectories = [of_vector(problem, problem.guess(rng)).dilate(1.4) for _ in range(12)]
     alone = [audit(t, problem.requirements) for t in trajectories]
-    for batch in (audit_module.BATCH, 40):
-        monkeypatch.setattr(audit_module, "BATCH", batch)
+    for batch in (prover_module.BATCH, 40):
+        monkeypatch.setattr(prover_module, "BATCH", batch)
         together = audit_all(trajectories, problem.requirements)
         for one, other in zip(alone, together, strict=True):
             for a, b in zip(one.rows, other.rows, strict=True):

@@ -10,12 +10,13 @@ from pytest import approx
 from scipy.interpolate import CubicSpline
 
 from ocp_traj import problems
-from ocp_traj.audit import CHECKED, VIOLATED, AuditRow, audit
+from ocp_traj.audit import audit
 from ocp_traj.errors import FileFormatError, InputError
 from ocp_traj.limits_file import check_joints, read_requirements
 from ocp_traj.problem import Problem
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import trajectory
+from ocp_traj.verdicts import CHECKED, VIOLATED, AuditRow
 
 ROOT = Path(__file__).resolve().parent.parent
 FOREIGN = ROOT / "examples" / "foreign"

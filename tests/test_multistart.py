@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from ocp_traj.audit import PROVED, UNDECIDED, Audit, AuditRow
 from ocp_traj.nlp import Solution, Status
 from ocp_traj.problem import Problem
 from ocp_traj.scalarise import EpsilonConstraint, WeightedSum
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart, best_of
+from ocp_traj.verdicts import PROVED, UNDECIDED, Audit, AuditRow
 from tests.closed_form import Quintic, quintic_problem
 
 TIME = WeightedSum({"time": 1.0})

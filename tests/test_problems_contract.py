@@ -10,7 +10,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from ocp_traj import problems
-from ocp_traj.audit import VIOLATED
 from ocp_traj.population import Population
 from ocp_traj.problem import Problem
 from ocp_traj.scalarise import WeightedSum
@@ -18,6 +17,7 @@ from ocp_traj.symbolic import evaluate_objectives, objective_function
 from ocp_traj.tape import Tape
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import few_instants, trajectory, transcribe
+from ocp_traj.verdicts import VIOLATED
 from tests.closed_form import Direct
 
 # Cases other than the default one that must pass as well.
