@@ -132,7 +132,7 @@ class Problem:
     dilate: Callable[[Array, float], Array] | None = None
     default_objective: str = ""
     reference_point: Mapping[str, float] = field(default_factory=dict)
-    _functions: dict[str, Any] = field(default_factory=dict, repr=False)
+    _functions: dict[str, Any] = field(default_factory=dict, repr=False, init=False)
 
     def __post_init__(self) -> None:
         """Checks ids, terms and the curve's joints."""

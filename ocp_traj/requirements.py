@@ -198,6 +198,10 @@ class PointConstraint:
             )
         if not (self.lower <= self.upper).all():
             raise ProblemDefinitionError(f"point constraint {self.id!r}: a lower bound lies above its upper bound")
+        if not 0.0 < self.tolerance < np.inf:
+            raise ProblemDefinitionError(
+                f"point constraint {self.id!r}: its tolerance is {self.tolerance}; give a number above zero"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +222,7 @@ class Requirements:
     point_constraints: tuple[PointConstraint, ...] = ()
     parameters: tuple[str, ...] = ()
     continuity: int = -1
-    _functions: dict[str, Any] = field(default_factory=dict, repr=False)
+    _functions: dict[str, Any] = field(default_factory=dict, repr=False, init=False)
 
     def __post_init__(self) -> None:
         """Checks that ids are unique and that every expression has the shape of its labels."""

@@ -937,3 +937,16 @@ def test_torque_of_a_six_joint_arm_is_bounded_within_a_thousandth_in_a_thousand_
         assert abs(row.proved_bound) >= peak * (1.0 - 1e-12)
         assert abs(row.proved_bound) <= 1.001 * abs(row.attained) <= 1.001 * peak * (1.0 + 1e-6)
         assert row.boxes <= 1000
+
+
+def test_replaced_limits_are_not_audited_with_the_old_ones_compiled_expression() -> None:
+    """Same id, another expression: what was compiled for the first must not prove the second."""
+    curve = PiecewiseBezier(np.array([1.0]), (np.array([[0.0], [0.5]]),))
+    motion = Trajectory(curve, ("a",))
+
+    def limit(factor: float) -> PathConstraint:
+        return PathConstraint("g", lambda s: factor * s.q * s.u, np.array([-1.0]), np.array([1.0]), ("rad",), ("a",))
+
+    first = Requirements(("a",), ("rad",), (limit(1.0),))
+    assert audit(motion, first).verdict == PROVED
+    assert audit(motion, replace(first, path_constraints=(limit(100.0),))).verdict == VIOLATED
