@@ -77,7 +77,7 @@ def test_conflicts_come_worst_first_one_a_row_with_both_sides_looked_at() -> Non
         PathConstraint.on_derivative("high", 0, -np.inf, 0.4, ("rad",), ("j",)),
         PathConstraint.on_derivative("fine", 0, -1.0, 2.0, ("rad",), ("j",)),
     )
-    found = fixed_conflicts(replace(plain, requirements=Requirements(("j",), ("rad",), limits), _functions={}))
+    found = fixed_conflicts(replace(plain, requirements=Requirements(("j",), ("rad",), limits)))
     assert [(c.row.limit, c.value, c.bound, c.row.instant) for c in found] == [
         ("high", 1.0, 0.4, 1.0),
         ("low", 0.0, 0.1, 0.0),

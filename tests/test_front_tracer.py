@@ -96,7 +96,7 @@ def test_the_order_of_the_objectives_does_not_change_the_ends(quintic_front: Par
 def test_an_objective_to_be_maximised_is_traded_as_well() -> None:
     """The mean speed D/T against the effort: the same curve, from the least time to the bound on effort."""
     case = Quintic()
-    problem = replace(quintic_problem(case), reference_point={"speed": 0.25, "effort": 100.0}, _functions={})
+    problem = replace(quintic_problem(case), reference_point={"speed": 0.25, "effort": 100.0})
     found = FrontTracer(points=6).pareto(problem, ["speed", "effort"])
     t = np.sort(np.array(found.xs).ravel())
     assert len(t) == 6
@@ -107,7 +107,7 @@ def test_an_objective_to_be_maximised_is_traded_as_well() -> None:
 
 def test_objectives_that_do_not_conflict_leave_no_gap_to_fill() -> None:
     """Time and -speed are least together: both ends are that one point, but for what the back-off leaves open."""
-    problem = replace(quintic_problem(), reference_point={}, _functions={})
+    problem = replace(quintic_problem(), reference_point={})
     found = FrontTracer(points=5).pareto(problem, ["time", "speed"])
     assert len(found.xs) == 2
     assert np.array(found.xs).ravel() == pytest.approx([Quintic().least_time] * 2, rel=1e-8)

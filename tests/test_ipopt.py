@@ -112,7 +112,7 @@ def test_a_point_constraint_is_met_as_an_equality() -> None:
     plain = septic_problem(case)
     problem = replace(
         plain,
-        requirements=replace(plain.requirements, point_constraints=(via_constraint(0.5, 0.6),), _functions={}),
+        requirements=replace(plain.requirements, point_constraints=(via_constraint(0.5, 0.6),)),
         _functions={},
     )
     nlp = transcribe(problem, WeightedSum({"jerk": 1.0}), few_instants(problem))

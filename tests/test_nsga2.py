@@ -107,7 +107,7 @@ def test_the_seed_decides_evolution_as_well_as_the_first_generation(hybrid: Prob
     fronts = []
     for seed in (1, 2, 1):
         left = iter(points)
-        same_start = replace(hybrid, guess=lambda rng, left=left: next(left), _functions={})
+        same_start = replace(hybrid, guess=lambda rng, left=left: next(left))
         fronts.append(np.array(small(seed).pareto(same_start, ["time", "energy"]).xs))
     assert_array_equal(fronts[0], fronts[2])
     assert not np.array_equal(fronts[0], fronts[1])

@@ -157,9 +157,7 @@ def test_a_point_constraint_has_rows_unless_it_is_structural() -> None:
     plain = septic_problem()
     for structural, rows in ((False, 1), (True, 0)):
         via = replace(via_constraint(0.3, 0.2), structural=structural)
-        problem = replace(
-            plain, requirements=replace(plain.requirements, point_constraints=(via,), _functions={}), _functions={}
-        )
+        problem = replace(plain, requirements=replace(plain.requirements, point_constraints=(via,)))
         nlp = transcribe(problem, WeightedSum({"jerk": 1.0}), ())
         assert len(nlp.rows) == rows
         if rows:
@@ -203,7 +201,7 @@ def test_objectives_are_their_definitions_on_numbers(seed: int) -> None:
     """Both sides of a knot count where the integrand jumps, as that of "trapezoid" does."""
     problem = mixed_problem()
     x = guess(problem, seed)
-    raised = replace(problem, curve=lambda x: problem.curve(x).elevate(5), _functions={})
+    raised = replace(problem, curve=lambda x: problem.curve(x).elevate(5))
     direct = Direct(problem, x)
     for name in ("time", "rough", "trapezoid", "sum"):
         assert evaluate_objectives(problem, x)[name] == pytest.approx(direct.objective(name), rel=1e-11)
