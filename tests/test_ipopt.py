@@ -113,7 +113,6 @@ def test_a_point_constraint_is_met_as_an_equality() -> None:
     problem = replace(
         plain,
         requirements=replace(plain.requirements, point_constraints=(via_constraint(0.5, 0.6),)),
-        _functions={},
     )
     nlp = transcribe(problem, WeightedSum({"jerk": 1.0}), few_instants(problem))
     solution = Ipopt().solve(nlp, np.zeros(2)).require()
