@@ -417,7 +417,7 @@ def in_60_digits(function: Any, inputs: list[list[Any]]) -> list[Any]:
     return result
 
 
-@pytest.mark.parametrize("joints", [1, 3])
+@pytest.mark.parametrize("joints", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_bounds_hold_in_60_digits_where_the_limit_is_the_peak(joints: int) -> None:
     rng = np.random.default_rng([3, joints])
     assault = Attack(rng, random_robot(rng, joints), 2)

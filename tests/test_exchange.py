@@ -236,6 +236,7 @@ def test_many_starts_end_at_the_same_proved_optimum(convention: str, name: str, 
 # --- infeasible ---
 
 
+@pytest.mark.slow
 def test_a_payload_too_heavy_is_reported_with_the_force_it_takes() -> None:
     """At rest F3 = -(38.475 + 13) g, whatever the intervals: 4.8 N too much; in motion it can only be more."""
     problem = problems.load("hybrid-spline", payload=13.0)
