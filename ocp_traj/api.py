@@ -29,9 +29,9 @@ METHODS = ("trace", "nsga2")
 
 def scalarisation(problem: Problem, objective: str | None, weights: Mapping[str, float] | None) -> Scalarisation:
     """One objective, a weighted sum of several, or the problem's own default."""
-    if objective and weights:
+    if objective is not None and weights:
         raise InputError("give an objective or weights, not both")
-    chosen = WeightedSum(weights if weights else {objective or problem.default_objective: 1.0})
+    chosen = WeightedSum(weights if weights else {problem.default_objective if objective is None else objective: 1.0})
     check_names(problem, chosen)
     return chosen
 

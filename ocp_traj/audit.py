@@ -69,15 +69,17 @@ def audit_all(
     if not trajectories:
         return []
     rows: list[list[AuditRow]] = [[] for _ in trajectories]
-    for limit in requirements.path_constraints:
-        prover = Prover(trajectories, requirements, limit, allowance, tightness, max_arcs)
-        for index, found in enumerate(prover.run()):
-            rows[index].extend(found)
-    for point in requirements.point_constraints:
-        for index, found in enumerate(_check_points(trajectories, requirements, point)):
-            rows[index].extend(found)
-    for index, trajectory in enumerate(trajectories):
-        rows[index].extend(_check_continuity(trajectory, requirements))
+    # Numbers may overflow on the way; what is not a number is never taken for a proof.
+    with np.errstate(all="ignore"):
+        for limit in requirements.path_constraints:
+            prover = Prover(trajectories, requirements, limit, allowance, tightness, max_arcs)
+            for index, found in enumerate(prover.run()):
+                rows[index].extend(found)
+        for point in requirements.point_constraints:
+            for index, found in enumerate(_check_points(trajectories, requirements, point)):
+                rows[index].extend(found)
+        for index, trajectory in enumerate(trajectories):
+            rows[index].extend(_check_continuity(trajectory, requirements))
     return [Audit(tuple(found), allowance) for found in rows]
 
 

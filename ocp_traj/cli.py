@@ -19,7 +19,7 @@ from ocp_traj.errors import InputError, OcpTrajError
 from ocp_traj.export import export as run_export
 from ocp_traj.files import check_writable
 from ocp_traj.limits_file import check_joints, read_requirements
-from ocp_traj.plot import plot_trajectory
+from ocp_traj.plot import check_picture, plot_trajectory
 from ocp_traj.problem import Problem
 from ocp_traj.reproduce import reproduce as run_reproduce
 from ocp_traj.store import check_target, save_run
@@ -82,6 +82,10 @@ def solve(
     """
     weights = {name: _number(value, f"--weight {name}") for name, value in _pairs(weight, "--weight").items()}
     chosen = _load(problem, set_)
+    if output is not None and output == plot:
+        raise InputError(f"-o and --plot both name {output}; give each its own file")
+    if plot is not None:
+        check_picture(plot)
     for path in (output, plot):
         if path is not None:
             check_writable(path)

@@ -22,6 +22,9 @@ ROS_SUFFIXES = (".yaml", ".yml", ".json")
 PER_TIME = ("", "/s", "/s2", "/s3", "/s4")  # of q, v, a, jerk, snap
 
 
+MOST_SAMPLES = 1_000_000  # a table of some hundred megabytes: our choice
+
+
 def export(source: str | Path, format: str, destination: str | Path, *, samples: int = 200) -> Path:
     """Writes a front or a trajectory in another format.
 
@@ -35,8 +38,8 @@ def export(source: str | Path, format: str, destination: str | Path, *, samples:
     origin, target = Path(source), Path(destination)
     if format not in FORMATS:
         raise InputError(f"there is no export format {format!r}; formats are {', '.join(FORMATS)}")
-    if samples < 2:
-        raise InputError(f"a trajectory is sampled at {samples} times; give 2 or more")
+    if not 2 <= samples <= MOST_SAMPLES:
+        raise InputError(f"a trajectory is sampled at {samples} times; give 2 to {MOST_SAMPLES}")
     if origin.is_dir() or origin.suffix.lower() == ".csv":
         if format == "ros":
             raise InputError(f"{source} is a front; ros is for one trajectory, such as trajectories/000.json of a run")

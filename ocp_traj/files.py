@@ -23,15 +23,25 @@ def read_text(path: str | Path, what: str) -> str:
 
 def read_json(path: str | Path, what: str) -> Any:
     """JSON value of a file."""
+    text = read_text(path, what)
     try:
-        return json.loads(read_text(path, what))
+        return json.loads(text)
     except json.JSONDecodeError as error:
         raise FileFormatError(f"{path} is not a {what} file: not JSON (line {error.lineno}: {error.msg})") from error
+    except (RecursionError, ValueError) as error:  # nested beyond reason; a number of thousands of digits
+        raise FileFormatError(f"{path} is not a {what} file: no JSON this program can hold") from error
+
+
+def _require_plain(target: Path) -> None:
+    if target.exists() and not target.is_file():
+        what = "a folder" if target.is_dir() else "no plain file"
+        raise FileFormatError(f"cannot write {target}: it is {what}; give a file name")
 
 
 def write_with(path: str | Path, write: Callable[[Path], None]) -> Path:
     """Calls ``write`` with a temporary path beside ``path``, then renames it: a reader never sees half a file."""
     target = Path(path)
+    _require_plain(target)
     temporary: Path | None = None
     try:
         handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=target.suffix, dir=target.parent)
@@ -64,8 +74,7 @@ def write_text(path: str | Path, text: str) -> Path:
 def check_writable(path: str | Path) -> None:
     """Raises ``FileFormatError`` unless a file can be written to ``path``; to be called before long work."""
     target = Path(path)
-    if target.is_dir():
-        raise FileFormatError(f"cannot write {target}: it is a folder; give a file name")
+    _require_plain(target)
     try:
         handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
         os.close(handle)

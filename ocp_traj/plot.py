@@ -206,11 +206,16 @@ def _number(value: float) -> str:
     return f"{value:.4g}".replace("-", "\N{MINUS SIGN}")
 
 
-def _save(figure: Figure, path: str | Path) -> Path:
-    target = Path(path)
-    kind = target.suffix.lower()
+def check_picture(path: str | Path) -> str:
+    """The picture format a file name asks for; ``InputError`` if there is none such. To be called before long work."""
+    kind = Path(path).suffix.lower()
     if kind not in SUFFIXES:
         raise InputError(
-            f"a picture is written as {', '.join(SUFFIXES)}; {target.name!r} ends otherwise: change its suffix"
+            f"a picture is written as {', '.join(SUFFIXES)}; {Path(path).name!r} ends otherwise: change its suffix"
         )
+    return kind
+
+
+def _save(figure: Figure, path: str | Path) -> Path:
+    target, kind = Path(path), check_picture(path)
     return write_with(target, lambda temporary: figure.savefig(temporary, format=kind[1:], dpi=150))

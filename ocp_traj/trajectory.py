@@ -137,7 +137,7 @@ class Trajectory:
             )
         except KeyError as error:
             raise FileFormatError(f"{source}: the field {error} of format {kind} is missing") from error
-        except (TypeError, ValueError, IndexError, AttributeError) as error:
+        except (TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
             raise FileFormatError(f"{source} is not a sound {kind} file: {error}") from error
 
 

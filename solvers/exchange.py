@@ -25,7 +25,7 @@ from ocp_traj.progress import Progress, silent
 from ocp_traj.requirements import PathConstraint
 from ocp_traj.scalarise import Scalarisation
 from ocp_traj.solvers.ipopt import Ipopt
-from ocp_traj.solvers.repair import slow_down
+from ocp_traj.solvers.repair import largest_excess, slow_down
 from ocp_traj.symbolic import SymbolicCurve, evaluate_objectives
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import BACK_OFF, Instant, few_instants, limit_values, trajectory, transcribe
@@ -39,6 +39,7 @@ STALLED, NEGLIGIBLE = (
     4.0,
     1e-6,
 )  # a round that gains less than this factor on an excess this small: back off; our choice
+RACING = 1e3  # segments a peak moves when x doubles: it is so flat that an instant that stays holds it as well
 WARM_ITERATIONS = 80  # a warm start that needs more is none
 NEAR = 0.15  # of a segment: a new peak this close to a moving instant replaces it
 
@@ -100,7 +101,7 @@ class Exchange:
             self.progress(number, self.max_rounds, f"{len(nlp.rows)} rows, {solution.audit.verdict}")
             if solution.audit.proved:
                 return solution
-            before, excess = excess, _excess(problem, solution.audit)
+            before, excess = excess, largest_excess(problem, solution.audit)
             if before / STALLED < excess < NEGLIGIBLE:
                 back_off += 2.0 * excess  # flat peaks wander for ever: stay clear of the limit by what they wander
             peaks = worst_instants(problem, solution.trajectory, solution.audit, self.back_off)
@@ -140,17 +141,6 @@ def _mended(
         detail="slowed down until every limit was proved",
     )
     return _finished(problem, slowed, mended, time.perf_counter(), found)
-
-
-def _excess(problem: Problem, checked: Audit) -> float:
-    """Largest relative amount by which a path limit is broken, at the instants the audit found."""
-    scale = {
-        (limit.id, label): float(size)
-        for limit in problem.requirements.path_constraints
-        for label, size in zip(limit.labels, limit.scale, strict=True)
-    }
-    rows = [row for row in checked.failures if (row.limit, row.label) in scale]
-    return max((abs(row.attained - row.bound) / scale[row.limit, row.label] for row in rows), default=0.0)
 
 
 def _finished(problem: Problem, solution: Solution, x: Array, begun: float, checked: Audit | None = None) -> Solution:
@@ -224,6 +214,8 @@ def _sharpened(
         # At the end of a segment the peak does not move; inside, g_u = 0 ties u to x.
         inside = 0.0 < u[i] < 1.0 and abs(guu[i, 0]) > 1e-9
         slope, anchor = (-gux[i] / guu[i, 0], x) if inside else (None, None)
+        if slope is not None and np.abs(slope * x).max() > RACING:
+            slope, anchor = None, None
         kept.append(Instant(limit.id, members[i].segment, float(u[i]), members[i].rows, slope, anchor))
     return kept
 

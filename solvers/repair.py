@@ -18,6 +18,8 @@ from ocp_traj.verdicts import Audit
 
 Array = NDArray[np.float64]
 
+# Of the excess, as the factor's distance from 1; a limit on velocity needs hardly more than one.
+MULTIPLES = (1.0, 1.000001, 1.001, 1.1, 2.0, 10.0, 100.0)
 LARGEST = 1.1  # factor: our choice; more than a tenth slower is another trajectory, not a mended one
 
 
@@ -26,8 +28,7 @@ def slow_down(
 ) -> tuple[list[Array], list[Audit]]:
     """Dilates the unproved of several decision vectors until they are proved, at most by a factor of ``LARGEST``.
 
-    The first step is the largest relative excess that the audit's bounds leave open, and doubles from there; all
-    vectors are audited together.
+    The factors tried follow from the largest relative excess that the audit found; all vectors are audited together.
 
     Args:
         problem: it must say how x dilates, or nothing is changed.
@@ -41,27 +42,25 @@ def slow_down(
     checked = list(audits or audit_all([trajectory(problem, x) for x in xs], problem.requirements))
     if problem.dilate is None:
         return xs, checked
-    step = {i: _excess(found) for i, found in enumerate(checked) if not found.proved}
-    factor = dict.fromkeys(step, 1.0)
+    excess = {i: max(largest_excess(problem, found), 1e-9) for i, found in enumerate(checked) if not found.proved}
     original = list(xs)
-    while step:
-        trial: dict[int, Array] = {}
-        for i in list(step):
-            factor[i] += step[i]
-            step[i] *= 2.0
-            x = np.asarray(problem.dilate(original[i], factor[i]))
-            if factor[i] > LARGEST or (x > problem.upper).any():
-                del step[i]
-            else:
-                trial[i] = x
+    for multiple in MULTIPLES:
+        trial = {i: np.asarray(problem.dilate(original[i], 1.0 + multiple * e)) for i, e in excess.items()}
+        trial = {i: x for i, x in trial.items() if multiple * excess[i] <= LARGEST - 1.0 and (x <= problem.upper).all()}
         audited = audit_all([trajectory(problem, x) for x in trial.values()], problem.requirements)
         for i, found in zip(trial, audited, strict=True):
             if found.proved:
                 xs[i], checked[i] = trial[i], found
-                del step[i]
+                del excess[i]
     return xs, checked
 
 
-def _excess(found: Audit) -> float:
-    worst = max((-row.margin for row in found.failures if np.isfinite(row.margin)), default=0.0)
-    return min(max(worst, 1e-9), 1.0)
+def largest_excess(problem: Problem, checked: Audit) -> float:
+    """Largest relative amount by which a path limit is broken, at the instants the audit found."""
+    scale = {
+        (limit.id, label): float(size)
+        for limit in problem.requirements.path_constraints
+        for label, size in zip(limit.labels, limit.scale, strict=True)
+    }
+    rows = [row for row in checked.failures if (row.limit, row.label) in scale]
+    return max((abs(row.attained - row.bound) / scale[row.limit, row.label] for row in rows), default=0.0)

@@ -263,3 +263,15 @@ def test_a_problem_that_does_not_dilate_is_left_unproved_by_one_round() -> None:
     solution = solve(replace(quintic_problem(), dilate=None), TIME, solver=Exchange(max_rounds=1))
     assert solution.audit is not None and not solution.audit.proved
     assert solution.x[0] < Quintic().least_time
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "changes", [{"weights": (0.9, 0.05, 0.05, 0.0), "payload": 0.0}, {"weights": (0.0, 0.0, 1.0, 0.0)}], ids=str
+)
+def test_flat_peaks_and_tiny_objectives_end_at_one_proved_optimum_from_every_start(changes: dict[str, Any]) -> None:
+    """With much weight on time a velocity rests along its limit; with jerk alone the objective is 1e-5 at its optimum."""
+    problem = problems.load("hybrid-spline", **changes)
+    found = [solve(problem, WeightedSum({"cost": 1.0}), seed=seed) for seed in range(4)]
+    assert all(s.status is Status.SOLVED and s.audit is not None and s.audit.proved for s in found)
+    assert max(s.f for s in found) == pytest.approx(min(s.f for s in found), rel=1e-7)
