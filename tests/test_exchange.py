@@ -1,6 +1,7 @@
 """Constraint exchange: closed forms, and the hybrid robot's known optima, feasible by an independent scan first."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -270,7 +271,7 @@ def test_a_problem_that_does_not_dilate_is_left_unproved_by_one_round() -> None:
     "changes", [{"weights": (0.9, 0.05, 0.05, 0.0), "payload": 0.0}, {"weights": (0.0, 0.0, 1.0, 0.0)}], ids=str
 )
 def test_flat_peaks_and_tiny_objectives_end_at_one_proved_optimum_from_every_start(changes: dict[str, Any]) -> None:
-    """With much weight on time a velocity rests along its limit; with jerk alone the objective is 1e-5 at its optimum."""
+    """With much weight on time a velocity rests along its limit; with jerk alone the objective is 1e-5 in the end."""
     problem = problems.load("hybrid-spline", **changes)
     found = [solve(problem, WeightedSum({"cost": 1.0}), seed=seed) for seed in range(4)]
     assert all(s.status is Status.SOLVED and s.audit is not None and s.audit.proved for s in found)
