@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -135,6 +136,13 @@ def pareto(
     chosen = _load(problem, set_)
     names = tuple(name.strip() for name in objectives.split(",") if name.strip())
     corners = [_point(text, names, what) for text, what in ((reference, "--reference"), (ideal, "--ideal"))]
+    unbounded = [name for name in names if name not in chosen.reference_point]
+    if corners[0] is None and unbounded and len(names) > 1:
+        for name in names:
+            chosen.objective(name)
+        raise InputError(
+            f"{chosen.id} has no reference point for {', '.join(unbounded)}; give --reference {objectives}"
+        )
     check_target(output, force)
     options: dict[str, Any] = {"population": population, "generations": generations} if method == "nsga2" else {}
     with screen.progress(method) as progress:
@@ -280,6 +288,8 @@ def _point(text: str | None, names: Sequence[str], option: str) -> dict[str, flo
     if text is None:
         return None
     numbers = [_number(part, option) for part in text.split(",")]
+    if not all(isfinite(number) for number in numbers):
+        raise InputError(f"{option} is {text!r}; give finite numbers")
     if len(numbers) != len(names):
         raise InputError(f"{option} has {len(numbers)} numbers; give one for each of {', '.join(names)}")
     return dict(zip(names, numbers, strict=True))

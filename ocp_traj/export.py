@@ -38,6 +38,8 @@ def export(source: str | Path, format: str, destination: str | Path, *, samples:
     origin, target = Path(source), Path(destination)
     if format not in FORMATS:
         raise InputError(f"there is no export format {format!r}; formats are {', '.join(FORMATS)}")
+    if Path(source).resolve() == Path(destination).resolve():
+        raise InputError(f"the export would overwrite its source {source}; give another file")
     if not 2 <= samples <= MOST_SAMPLES:
         raise InputError(f"a trajectory is sampled at {samples} times; give 2 to {MOST_SAMPLES}")
     if origin.is_dir() or origin.suffix.lower() == ".csv":

@@ -6,8 +6,11 @@ Waechter and Biegler (2006), Mathematical Programming 106(1). Of the linear solv
 
 from __future__ import annotations
 
+import signal
+import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -135,7 +138,10 @@ class Ipopt:
         # of the work of a small NLP: the solver stays alive until the next one has been built.
         nlp.memory["solver"] = solver
         bounds = {"lbx": nlp.lower_x, "ubx": nlp.upper_x, "lbg": nlp.lower_g, "ubg": nlp.upper_g}
-        result = solver(x0=x0, **bounds, **multipliers)
+        with _interrupts() as interrupted:
+            result = solver(x0=x0, **bounds, **multipliers)
+        if interrupted:
+            raise KeyboardInterrupt  # else IPOPT would only report a failed solve, and the work would go on
         stats = solver.stats()
         x, g, lam_g, lam_x = (np.array(result[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
         violation = nlp.violation(x, g)
@@ -207,6 +213,20 @@ class Ipopt:
                     Row("variable", label, unit=nlp.units[i]), solution.x[i], bound, 0.0
                 )
         return tuple(sorted(found.values(), key=lambda c: -c.excess / c.row.scale))
+
+
+@contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """Collects Ctrl-C while a solve runs, in the main thread; elsewhere Python does not deliver it."""
+    received: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield received
+        return
+    before = signal.signal(signal.SIGINT, lambda number, frame: received.append(number))
+    try:
+        yield received
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def matched_multipliers(nlp: NLP, warm: Solution) -> Array:
