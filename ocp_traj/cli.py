@@ -150,6 +150,9 @@ def pareto(
             chosen, names, method=method, points=points, seed=seed, budget=budget, keep_unproved=keep_unproved,
             progress=progress, **options,
         )  # fmt: skip
+    if not len(front) and front.info.get("interrupted"):
+        screen.say("interrupted before the first point was found; nothing is written")
+        return INTERRUPTED
     if not len(front):
         screen.say(
             f"{chosen.id}: {method} found no proved point ({front.info['dropped']}); --keep-unproved keeps the others"
