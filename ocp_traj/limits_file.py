@@ -105,6 +105,12 @@ def read_requirements(path: str | Path) -> Requirements:
     ]
     payload = _payload(file.table("payload", "mass", "parameter"))
     if (efforts := limits.bounds("effort")) is not None:
+        model = robot.model
+        ends = set(range(1, model.njoints)) - set(map(int, model.parents))
+        if massless := [model.names[i] for i in sorted(ends) if not model.inertias[i].mass > 0.0]:
+            raise file.error(
+                "[effort]", f"means nothing for a robot without mass beyond {massless}; give it its inertias"
+            )
         labels = tuple(("tau_" if unit == "rad" else "F_") + joint for unit, joint in zip(units, joints, strict=True))
 
         def effort(s: State) -> Any:

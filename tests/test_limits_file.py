@@ -1,4 +1,5 @@
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -361,3 +362,12 @@ def test_the_examples_of_the_documentation_are_read(tmp_path: Path) -> None:
     for motion in motions:
         check_joints(motion, requirements)
         assert audit(motion, requirements).proved, audit(motion, requirements).explain()
+
+
+def test_an_effort_of_a_robot_without_inertias_is_refused(tmp_path: Path) -> None:
+    folder = Path(__file__).parent.parent / "examples" / "foreign"
+    bare = re.sub(r"<inertial>.*?</inertial>", "", (folder / "arm.urdf").read_text(), flags=re.S)
+    (tmp_path / "arm.urdf").write_text(bare)
+    (tmp_path / "limits.toml").write_text((folder / "limits.toml").read_text())
+    with pytest.raises(FileFormatError, match="without mass"):
+        read_requirements(tmp_path / "limits.toml")
