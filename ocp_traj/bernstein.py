@@ -88,6 +88,54 @@ def subdivision_matrix(degree: int, a: float, b: float) -> Array:
     return np.array(rows)
 
 
+def turning_times(points: Array) -> Array:
+    """Local times in [0, 1] among which are all those where a scalar curve turns back, for many curves at once.
+
+    The derivative's roots are eigenvalues of a companion matrix. Written in 1/(u - c), with c where the derivative is
+    far from zero, its leading coefficient is never small, whatever the true degree. Real parts are clipped to [0, 1]:
+    an instant too many changes no sum of |differences|, a missing one would.
+
+    Args:
+        points: control points ``(n + 1, N)``.
+
+    Returns:
+        ``(max(n - 1, 0), N)``, ascending; NaN for a curve that is not finite.
+    """
+    slopes = np.diff(np.asarray(points, dtype=float), axis=0)
+    degree, count = len(slopes) - 1, slopes.shape[1]
+    if degree < 1:
+        return np.zeros((0, count))
+    finite = np.isfinite(slopes).all(axis=0)
+    slopes = np.where(finite, slopes, 0.0)
+    size = np.abs(slopes).max(axis=0)
+    slopes = np.where(size > 0.0, slopes / np.where(size > 0.0, size, 1.0), 1.0)  # a constant never turns
+    # One more candidate than there are roots: at one of them the derivative is not small.
+    centres = np.linspace(-0.75, 1.75, degree + 1)
+    orders = range(degree + 1)
+    taylor = np.array(
+        [[basis(degree - k, c)[0] @ difference_matrix(degree, k) / factorial(k) for k in orders] for c in centres]
+    )  # (centres, orders, n)
+    coefficients = taylor @ slopes  # (centres, orders, N)
+    share = np.abs(coefficients[:, 0]) / np.abs(coefficients).sum(axis=1)
+    best = np.argmax(share, axis=0)
+    chosen = coefficients[best, :, np.arange(count)]  # (N, orders)
+    companion = np.zeros((count, degree, degree))
+    companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
+    companion[:, 0] = -chosen[:, 1:] / chosen[:, :1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        roots = centres[best][:, None] + (1.0 / np.linalg.eigvals(companion)).real
+    inside = np.sort(np.clip(np.nan_to_num(roots, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0), axis=1).T
+    return np.where(finite, inside, np.nan)
+
+
+def total_variation(points: Array) -> Array:
+    """int_0^1 |de/du| du of many scalar curves, exact: ``(N,)`` from control points ``(n + 1, N)``."""
+    times = turning_times(points)
+    times = np.concatenate([np.zeros((1, times.shape[1])), times, np.ones((1, times.shape[1]))])
+    weights = basis(len(points) - 1, times.ravel()).reshape(*times.shape, len(points))
+    return np.asarray(np.abs(np.diff(np.einsum("kni,in->kn", weights, points), axis=0)).sum(axis=0))
+
+
 @dataclass(frozen=True)
 class Extremum:
     """Largest and smallest value of one joint's curve over all segments, each with its instant."""
@@ -244,6 +292,10 @@ class PiecewiseBezier:
             )
             for j in range(self.dof)
         )
+
+    def variation(self) -> Array:
+        """Total variation int |dq/dt| dt of each joint, exact to rounding: ``(dof,)``; jumps at knots do not count."""
+        return np.asarray(sum(total_variation(points) for points in self.control_points))
 
     def jump(self, order: int = 0) -> Array:
         """Difference of the order-th derivative across each inner knot, right minus left: ``(K - 1, dof)``."""

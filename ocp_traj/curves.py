@@ -78,3 +78,42 @@ def cubic_spline_free_ends(via_points: ArrayLike, intervals: Any) -> PiecewiseBe
     segments[0][1:3] = [first, first]
     segments[-1][1:3] = [last, last]
     return PiecewiseBezier(intervals if symbolic else np.asarray(h), tuple(stack(*s) for s in segments))
+
+
+def quartic_quintic(
+    start: ArrayLike, via: Any, via_velocity: Any, goal: Any, durations: Any
+) -> PiecewiseBezier:
+    """A quartic to a via point, then a quintic to the goal, at rest at both ends.
+
+    The quartic runs from (q0; rest) to (q1, v1); what acceleration it ends with, a1 = 6 v1 / T1 - 12 (q1 - q0) / T1^2,
+    the quintic begins with, so that the curve is C2. El Haiek et al. (2019), (4)-(15).
+
+    Args:
+        start: q0 ``(dof,)``.
+        via, via_velocity: q1, v1 ``(dof,)``, numbers or casadi columns.
+        goal: q2 ``(dof,)``.
+        durations: T1, T2 ``(2,)`` [s].
+
+    Returns:
+        Two segments, of degrees 4 and 5; numeric where every argument is.
+    """
+    given = (start, via, via_velocity, goal, durations)
+    symbolic = any(isinstance(argument, casadi.SX) for argument in given)
+
+    def row(value: Any) -> Any:
+        return casadi.SX(value).T if symbolic else np.asarray(value, dtype=float)
+
+    q0, q1, v1, q2 = row(start), row(via), row(via_velocity), row(goal)
+    times = casadi.SX(durations) if symbolic else np.asarray(durations, dtype=float)
+    if times.shape[0] != 2 or len({part.shape for part in (q0, q1, v1, q2)}) != 1:
+        raise ProblemDefinitionError(
+            f"a quartic and a quintic need two durations and four vectors of one size; got {times.shape[0]} durations "
+            f"and vectors of {', '.join(str(max(part.shape)) for part in (q0, q1, v1, q2))}"
+        )
+    first, second = times[0], times[1]
+    a1 = 6.0 * v1 / first - 12.0 * (q1 - q0) / first**2
+    leave = q1 + v1 * (second / 5.0)
+    stack = casadi.vertcat if symbolic else lambda *rows: np.stack(rows)
+    quartic = stack(q0, q0, q0, q1 - v1 * (first / 4.0), q1)
+    quintic = stack(q1, leave, 2.0 * leave - q1 + a1 * (second**2 / 20.0), q2, q2, q2)
+    return PiecewiseBezier(times, (quartic, quintic))

@@ -6,7 +6,7 @@ the payload for every time law, and says at once when a payload is too heavy.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi
@@ -57,9 +57,14 @@ def fixed_values(problem: Problem) -> list[FixedValue]:
 
 
 def fixed_conflicts(problem: Problem) -> tuple[Conflict, ...]:
-    """Limits that are broken at the ends whatever the variables; empty where a parameter is itself a variable."""
+    """Limits that are broken at the ends whatever the variables; empty where a parameter is itself a variable.
+
+    Auxiliary variables count with their lower bounds, which ask least of the limits.
+    """
     x = casadi.SX.sym("x", problem.size)
-    parameters = casadi.SX(problem.parameters(x))
+    idle = problem.idle([])
+    least = casadi.vertcat(*(casadi.SX(low) if i else x[j] for j, (low, i) in enumerate(zip(problem.lower, idle))))
+    parameters = casadi.SX(problem.parameters(least))
     if casadi.depends_on(parameters, x):
         return ()
     p = np.array(casadi.evalf(parameters)).ravel()
@@ -72,6 +77,8 @@ def fixed_conflicts(problem: Problem) -> tuple[Conflict, ...]:
         if excess > 1e-9 * limit.scale[i]:
             row = Row(limit.id, limit.labels[i], fixed.segment, fixed.instant, limit.units[i], float(limit.scale[i]))
             conflict = Conflict(row, value, bound, float(excess))
+            if problem.explain is not None:
+                conflict = replace(conflict, words=problem.explain(conflict))
             if (limit.id, limit.labels[i]) not in conflicts:
                 conflicts[limit.id, limit.labels[i]] = conflict
     return tuple(sorted(conflicts.values(), key=lambda c: -c.excess / c.row.scale))

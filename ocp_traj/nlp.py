@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Any
@@ -31,6 +31,7 @@ class Row:
         instant: local time in [0, 1] at the point of transcription.
         unit: of the row's value before scaling.
         scale: the row is the limit's value divided by this.
+        defines: the row only says what an extra variable is; it can always be met and is in nobody's way.
     """
 
     limit: str
@@ -39,6 +40,7 @@ class Row:
     instant: float = 0.0
     unit: str = ""
     scale: float = 1.0
+    defines: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +55,8 @@ class NLP:
         rows: one a row of g.
         labels: one an entry of x.
         units: one an entry of x.
+        complete: the problem's own variables -> the extra variables that go with them, after those.
+        expand: the functions are short: write them out (casadi's ``expand``).
         memory: outlives the NLP: a solver leaves its compiled derivatives here for the next NLP of the same problem.
     """
 
@@ -67,6 +71,8 @@ class NLP:
     rows: tuple[Row, ...]
     labels: tuple[str, ...]
     units: tuple[str, ...]
+    complete: Callable[[Array], Array] = lambda x: np.zeros(0)
+    expand: bool = False
     memory: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -86,6 +92,10 @@ class NLP:
             raise ProblemDefinitionError(
                 f"{self.name}: {len(self.rows)} row names for {m} rows, {len(self.labels)} labels for {n} variables"
             )
+
+    def start(self, x: Array) -> Array:
+        """A starting point of the NLP from the problem's own variables."""
+        return np.concatenate([x, self.complete(x)])
 
     def violation(self, x: Array, g: Array) -> float:
         """Largest amount by which a bound is exceeded, >= 0; rows are scaled, variables in their own unit."""
@@ -122,15 +132,19 @@ class Conflict:
         value: what the least-violating point gives [row.unit].
         bound: what the limit allows [row.unit].
         excess: by how much it is exceeded, >= 0; 0 for a limit that is met but stands in the way of the others.
+        words: what that means, where the problem can say it better than the numbers.
     """
 
     row: Row
     value: float
     bound: float
     excess: float
+    words: str = ""
 
     def __str__(self) -> str:
         """The limit, where, and by how much."""
+        if self.words:
+            return self.words
         name = f"{self.row.limit} {self.row.label}".strip()
         where = f" at segment {self.row.segment}, u = {self.row.instant:.3f}" if self.row.segment >= 0 else ""
         if self.excess > 0.0:

@@ -16,7 +16,14 @@ from ocp_traj.bernstein import basis, difference_matrix
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
 from ocp_traj.requirements import ORDERS, PathConstraint
-from ocp_traj.symbolic import curve_function, integrand_function, plain_objectives, quadrature, variables_function
+from ocp_traj.symbolic import (
+    curve_function,
+    integrand_function,
+    plain_objectives,
+    quadrature,
+    row_variations,
+    variables_function,
+)
 from ocp_traj.tape import Tape
 
 Array = NDArray[np.float64]
@@ -116,6 +123,8 @@ class Population:
         for name, objective in self._plain.items():
             if objective.terms is not None:
                 values[name] = np.asarray(sum(factor * values[term] for term, factor in objective.terms.items()))
+            elif objective.variation is not None:
+                values[name] = row_variations(self.problem, objective, points).sum(axis=0)
             elif name in self._direct:
                 values[name] = self._direct[name].evaluate(population.T)[0][0]
             else:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi
 import numpy as np
@@ -12,7 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.errors import ProblemDefinitionError, UnknownName
-from ocp_traj.requirements import Expression, Requirements
+from ocp_traj.requirements import Expression, PathConstraint, Requirements, state_function
+
+if TYPE_CHECKING:
+    from ocp_traj.nlp import Conflict
+    from ocp_traj.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -27,6 +31,8 @@ class Variable:
         unit: SI unit.
         labels: one name an entry.
         eq: equation or table of the source that gives the bounds.
+        auxiliary_to: the objective that the block exists for, if it does not shape the curve: a margin to be made
+            large, say. Its lower bound asks least of the limits, and there it stays while that objective is not traded.
     """
 
     id: str
@@ -35,6 +41,7 @@ class Variable:
     unit: str
     labels: tuple[str, ...]
     eq: str = ""
+    auxiliary_to: str = ""
 
     def __post_init__(self) -> None:
         """Checks shapes and bounds."""
@@ -56,7 +63,7 @@ class Variable:
 
 @dataclass(frozen=True, eq=False)
 class Objective:
-    """A quantity to be made small (or large): exactly one of ``integrand``, ``of_variables`` and ``terms`` is given.
+    """A quantity to be made small (or large): exactly one way of computing it is given.
 
     Attributes:
         id: unique name, unlike any limit's.
@@ -67,6 +74,7 @@ class Objective:
         integrand: of the state; the objective is sum_k T_k sum_r w_r integrand(state(k, u_r)).
         quadrature: the rule ((u_r, w_r), ..) on a segment of unit length.
         of_variables: (x, p) -> scalar.
+        variation: of the state, linear in q; the objective is the total variation of its rows, sum_r int |dg_r/dt| dt.
         terms: {objective id: factor}, a fixed sum of other objectives.
     """
 
@@ -79,12 +87,15 @@ class Objective:
     quadrature: tuple[tuple[float, float], ...] = ()
     of_variables: Callable[[Any, Any], Any] | None = None
     terms: Mapping[str, float] | None = None
+    variation: Expression | None = None
 
     def __post_init__(self) -> None:
         """Checks that the objective is given in exactly one way."""
-        ways = [self.integrand is not None, self.of_variables is not None, self.terms is not None]
-        if sum(ways) != 1:
-            raise ProblemDefinitionError(f"objective {self.id!r}: give exactly one of integrand, of_variables, terms")
+        ways = (self.integrand, self.of_variables, self.terms, self.variation)
+        if sum(way is not None for way in ways) != 1:
+            raise ProblemDefinitionError(
+                f"objective {self.id!r}: give exactly one of integrand, of_variables, terms, variation"
+            )
         if (self.integrand is not None) != bool(self.quadrature):
             raise ProblemDefinitionError(f"objective {self.id!r}: an integrand and its quadrature rule go together")
         if self.sense not in ("min", "max"):
@@ -115,6 +126,15 @@ class Problem:
         dilate: (x, s) -> x of the same path s times slower, where the problem allows it.
         default_objective: what ``solve`` minimises when not told.
         reference_point: per objective, the worst value worth having: it bounds a front and its hypervolume.
+        starts: random starts of a local solver when not told how many.
+        instants: a segment, of the first grid of constraint exchange; degree/2 + 1, at least 3, if not given.
+        expand: write the NLP's functions out, operation by operation, instead of mapping them over instants: many times
+            quicker to evaluate where they are short, slow to build where they are long.
+        alternatives: where the problem leaves a discrete choice open, the problem of each choice, by its name; they
+            differ in nothing but the case and the curve. The problem itself is then the first of them.
+        homotopy: the way a trajectory takes, in a word: what tells local optima apart.
+        settle: x -> x with the auxiliary variables at what its curve really has.
+        explain: what a limit broken at a fixed end means, in words.
     """
 
     id: str
@@ -132,6 +152,13 @@ class Problem:
     dilate: Callable[[Array, float], Array] | None = None
     default_objective: str = ""
     reference_point: Mapping[str, float] = field(default_factory=dict)
+    starts: int = 1
+    instants: int | None = None
+    expand: bool = False
+    alternatives: Mapping[str, Problem] = field(default_factory=dict)
+    homotopy: Callable[[Trajectory], str] | None = None
+    settle: Callable[[Array], Array] | None = None
+    explain: Callable[[Conflict], str] | None = None
     _functions: dict[str, Any] = field(default_factory=dict, repr=False, init=False)
 
     def __post_init__(self) -> None:
@@ -156,6 +183,14 @@ class Problem:
         dof = self.curve(casadi.SX.sym("x", self.size)).dof
         if dof != self.requirements.dof:
             raise ProblemDefinitionError(f"{self.id}: the curve has {dof} joints, the limits {self.requirements.dof}")
+        for variable in self.variables:
+            if variable.auxiliary_to not in ("", *names):
+                raise ProblemDefinitionError(
+                    f"{self.id}: variable {variable.id!r} is auxiliary to {variable.auxiliary_to!r}, no objective of it"
+                )
+        for objective in self.objectives:
+            if objective.variation is not None:
+                self.variation(objective)
 
     @property
     def size(self) -> int:
@@ -181,6 +216,35 @@ class Problem:
     def units(self) -> tuple[str, ...]:
         """Unit of each entry of x."""
         return tuple(v.unit for v in self.variables for _ in v.labels)
+
+    def idle(self, traded: Iterable[str]) -> NDArray[np.bool_]:
+        """Which entries of x ``(n,)`` are auxiliary to objectives that are not among the traded ones."""
+        names = {""}
+        for name in traded:
+            names |= {name, *(self.objective(name).terms or ())}
+        return np.array([v.auxiliary_to not in names for v in self.variables for _ in v.labels], dtype=bool)
+
+    def variation(self, objective: Objective) -> PathConstraint:
+        """The rows whose total variation an objective sums, as a limit without bounds, of the objective's id."""
+
+        def build() -> PathConstraint:
+            assert objective.variation is not None
+            joints, parameters = self.requirements.joints, self.requirements.parameters
+            function = state_function(objective.id, objective.variation, len(joints), len(parameters))
+            q = casadi.SX.sym("q", 5 * len(joints))
+            rest = [casadi.SX.sym("z", function.numel_in(i)) for i in range(1, 4)]
+            slopes = casadi.jacobian(function(q, *rest), casadi.vertcat(q, *rest))
+            if not slopes.is_constant() or slopes[:, len(joints) :].nnz():
+                raise ProblemDefinitionError(
+                    f"objective {objective.id!r}: the total variation is of expressions linear in q, of nothing else"
+                )
+            rows = function.numel_out(0)
+            labels = joints if rows == len(joints) else tuple(f"row {i + 1}" for i in range(rows))
+            free = np.full(rows, np.inf)
+            return PathConstraint(objective.id, objective.variation, -free, free, (objective.unit,) * rows, labels)
+
+        limit: PathConstraint = self.cached(f"variation {objective.id}", build)
+        return limit
 
     def objective(self, name: str) -> Objective:
         """The objective called ``name``."""

@@ -6,7 +6,7 @@ states, mapped over instants: an NLP with other instants reuses all of them, and
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,7 @@ import casadi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.bernstein import PiecewiseBezier, total_variation
 from ocp_traj.problem import Objective, Problem
 from ocp_traj.requirements import ORDERS, derivative_order, state_function
 
@@ -133,11 +133,20 @@ def plain_objectives(problem: Problem, names: Iterable[str]) -> dict[str, Object
     return {o.id: o for o in sorted([*parts, *wanted], key=lambda o: o.terms is not None)}
 
 
-def objective_values(curve: SymbolicCurve, names: Iterable[str]) -> dict[str, Any]:
-    """MX expressions of the named objectives (and of the terms they sum)."""
+def variations(problem: Problem, names: Iterable[str]) -> tuple[Objective, ...]:
+    """Those of the named objectives, and of the terms they sum, that are total variations."""
+    return tuple(o for o in plain_objectives(problem, names).values() if o.variation is not None)
+
+
+def objective_values(
+    curve: SymbolicCurve, names: Iterable[str], given: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """MX expressions of the named objectives (and of the terms they sum); of total variations those ``given``."""
     problem = curve.problem
-    values: dict[str, Any] = {}
+    values: dict[str, Any] = dict(given or {})
     for name, objective in plain_objectives(problem, names).items():
+        if name in values:
+            continue
         if objective.terms is not None:
             values[name] = sum(factor * values[term] for term, factor in objective.terms.items())
         elif objective.of_variables is not None:
@@ -167,12 +176,17 @@ def variables_function(problem: Problem, objective: Objective) -> Any:
     return problem.cached(f"variables {objective.id}", build)
 
 
+def smooth_objectives(problem: Problem) -> tuple[str, ...]:
+    """Objectives that are smooth functions of x: all but total variations and sums of them."""
+    return tuple(o.id for o in problem.objectives if not variations(problem, [o.id]))
+
+
 def objective_function(problem: Problem) -> Any:
-    """Casadi Function x -> values of all objectives of the problem, in their order ``(objectives,)``."""
+    """Casadi Function x -> values of ``smooth_objectives``, in their order ``(objectives,)``."""
 
     def build() -> Any:
         x = casadi.MX.sym("x", problem.size)
-        names = [objective.id for objective in problem.objectives]
+        names = smooth_objectives(problem)
         values = objective_values(SymbolicCurve.at(problem, x), names)
         return casadi.Function("objectives", [x], [casadi.vertcat(*(values[name] for name in names))])
 
@@ -180,6 +194,38 @@ def objective_function(problem: Problem) -> Any:
 
 
 def evaluate_objectives(problem: Problem, x: ArrayLike) -> dict[str, float]:
-    """Value of every objective at a decision vector."""
-    values = np.array(objective_function(problem)(np.asarray(x, dtype=float))).ravel()
-    return {objective.id: float(value) for objective, value in zip(problem.objectives, values, strict=True)}
+    """Value of every objective at a decision vector; total variations are exact, by the derivative's roots."""
+    point = np.asarray(x, dtype=float)
+    smooth = np.array(objective_function(problem)(point)).ravel().tolist()
+    values = dict(zip(smooth_objectives(problem), smooth, strict=True))
+    turning = [objective for objective in problem.objectives if objective.variation is not None]
+    if turning:
+        points = [np.array(value)[:, :, None] for value in curve_function(problem)(point)[2:]]
+        values |= {o.id: float(row_variations(problem, o, points).sum()) for o in turning}
+    for objective in problem.objectives:
+        if objective.id not in values:
+            values[objective.id] = sum(factor * values[term] for term, factor in (objective.terms or {}).items())
+    return {objective.id: values[objective.id] for objective in problem.objectives}
+
+
+def variation_matrix(problem: Problem, objective: Objective) -> Array:
+    """A of the rows A q + b whose total variation an objective sums: ``(rows, dof)``."""
+
+    def build() -> Array:
+        function = problem.requirements.function(problem.variation(objective))
+        arguments = [casadi.SX.sym("z", function.numel_in(i)) for i in range(4)]
+        slopes = casadi.jacobian(function(*arguments), arguments[0])[:, : problem.requirements.dof]
+        return np.array(casadi.DM(casadi.evalf(casadi.densify(slopes))))
+
+    matrix: Array = problem.cached(f"variation matrix {objective.id}", build)
+    return matrix
+
+
+def row_variations(problem: Problem, objective: Objective, points: Sequence[Array]) -> Array:
+    """Exact total variation of each row ``(rows, N)`` of N curves, by their control points ``(n_k + 1, dof, N)``."""
+    matrix = variation_matrix(problem, objective)
+    total = np.zeros((len(matrix), points[0].shape[2]))
+    for segment in points:
+        rows = np.einsum("rj,ijn->irn", matrix, segment)
+        total += total_variation(rows.reshape(len(segment), -1)).reshape(total.shape)
+    return total

@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.nlp import NLP, Row
-from ocp_traj.problem import Problem
+from ocp_traj.problem import Objective, Problem
 from ocp_traj.requirements import PathConstraint, PointConstraint
 from ocp_traj.scalarise import Scalarisation, check_names
-from ocp_traj.symbolic import SymbolicCurve, curve_function, degrees, objective_values, states_at
+from ocp_traj.symbolic import SymbolicCurve, curve_function, degrees, objective_values, states_at, variations
 from ocp_traj.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -29,12 +29,12 @@ BACK_OFF = 1e-9  # tightening of every path limit, in its own scale: our choice;
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """An instant at which a limit is imposed.
+    """An instant at which a limit is imposed, or which is counted in the sum of a total variation.
 
     It may move with the variables, u(x) = clip(u_0 + s (x - x_0), 0, 1), so as to stay on the peak it was put on.
 
     Attributes:
-        limit: id of the path constraint.
+        limit: id of the path constraint, or of the objective.
         segment: of the curve.
         u: local time u_0.
         rows: indices of the limit's rows, None for all.
@@ -69,16 +69,20 @@ def case_fields(problem: Problem) -> dict[str, Any]:
     different = {
         name: getattr(case, name) for name in case.__dataclass_fields__ if getattr(case, name) != getattr(plain, name)
     }
-    return {name: list(value) if isinstance(value, tuple) else value for name, value in different.items()}
+    return {name: _plain(value) for name, value in different.items()}
+
+
+def _plain(value: Any) -> Any:
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value
 
 
 def few_instants(problem: Problem) -> tuple[Instant, ...]:
-    """The first grid of constraint exchange: degree/2 + 1 instants a segment, at least 3.
+    """The first grid of constraint exchange: degree/2 + 1 instants a segment, at least 3, or as the problem has it.
 
     A limit on a derivative that is constant, or linear, on its segments gets the 1 or 2 instants that are exact.
     """
     degree = degrees(problem)
-    return tuple(_grid(problem, lambda k, limit: _count(degree[k], limit)))
+    return tuple(_grid(problem, lambda k, limit: _count(degree[k], limit, problem.instants)))
 
 
 def uniform_instants(problem: Problem, per_segment: int) -> tuple[Instant, ...]:
@@ -86,11 +90,12 @@ def uniform_instants(problem: Problem, per_segment: int) -> tuple[Instant, ...]:
     return tuple(_grid(problem, lambda k, limit: per_segment))
 
 
-def _count(degree: int, limit: PathConstraint) -> int:
-    few = max(3, degree // 2 + 1)
+def _count(degree: int, limit: PathConstraint, wanted: int | None) -> int:
+    few = wanted or max(3, degree // 2 + 1)
     if limit.order is None:
         return few
-    return min(few, max(degree - limit.order, 0) + 1)
+    left = max(degree - limit.order, 0)
+    return left + 1 if left < 2 else few
 
 
 def _grid(problem: Problem, count: Callable[[int, PathConstraint], int]) -> Iterable[Instant]:
@@ -116,16 +121,22 @@ def transcribe(
         back_off: tightening of the path limits, in units of their scale.
 
     Returns:
-        An NLP over x, and over the scalarisation's extra variable if it has one.
+        An NLP over x, over the scalarisation's extra variable if it has one, and over the steps of total variations.
+        Auxiliary variables of objectives that take no part stay at their lower bounds.
     """
     check_names(problem, scalarisation)
     x = casadi.MX.sym("x", problem.size)
     curve = SymbolicCurve.at(problem, x)
-    scalar = scalarisation.apply(problem, objective_values(curve, scalarisation.names))
     g: list[Any] = []
     lower: list[float] = []
     upper: list[float] = []
     rows: list[Row] = []
+    steps = [
+        _step_rows(curve, objective, instants, g, lower, upper, rows)
+        for objective in variations(problem, scalarisation.names)
+    ]
+    given = {s.objective.id: s.objective.scale * casadi.sum1(s.sizes) for s in steps}
+    scalar = scalarisation.apply(problem, objective_values(curve, scalarisation.names, given))
     for limit in problem.requirements.path_constraints:
         members = [instant for instant in instants if instant.limit == limit.id]
         if members:
@@ -140,21 +151,80 @@ def transcribe(
         upper.append(bound)
         rows.append(Row(name, "", unit=objective.unit, scale=objective.scale))
     extra = [] if scalar.extra is None else [scalar.extra]
-    unbounded = np.full(len(extra), np.inf)
+    labels = [*("gamma" for _ in extra), *(label for s in steps for label in s.labels)]
+    unbounded = np.full(len(labels), np.inf)
+    upper_x = np.where(problem.idle(scalarisation.names), problem.lower, problem.upper)
+    functions = [casadi.Function("steps", [x], [s.differences]) for s in steps]
+
+    def complete(numbers: Array) -> Array:
+        sizes = [np.abs(np.array(function(numbers)).ravel()) for function in functions]
+        return np.concatenate([np.zeros(len(extra)), *sizes])
+
     return NLP(
         name=problem.id,
-        x=casadi.vertcat(x, *extra),
+        x=casadi.vertcat(x, *extra, *(s.sizes for s in steps)),
         f=scalar.f,
         g=casadi.vertcat(*g) if g else casadi.MX(0, 1),
         lower_x=np.concatenate([problem.lower, -unbounded]),
-        upper_x=np.concatenate([problem.upper, unbounded]),
+        upper_x=np.concatenate([upper_x, unbounded]),
         lower_g=np.array(lower, dtype=float),
         upper_g=np.array(upper, dtype=float),
         rows=tuple(rows),
-        labels=(*problem.labels, *("gamma" for _ in extra)),
-        units=(*problem.units, *("-" for _ in extra)),
+        labels=(*problem.labels, *labels),
+        units=(*problem.units, *("-" for _ in labels)),
+        complete=complete,
+        expand=problem.expand,
         memory=problem.cached("solver memory", dict),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """The steps e_k - e_{k-1} of a total variation from node to node, and their sizes, extra variables of the NLP."""
+
+    objective: Objective
+    differences: Any
+    sizes: Any
+    labels: tuple[str, ...]
+
+
+def step_nodes(problem: Problem, objective: Objective, row: int, instants: Sequence[Instant]) -> list[Instant]:
+    """The nodes of one row of a total variation: degree + 1 a segment, and the instants given, in order of time."""
+    nodes = [
+        Instant(objective.id, k, float(u), (row,))
+        for k, degree in enumerate(degrees(problem))
+        for u in np.linspace(0.0, 1.0, degree + 1)
+    ]
+    nodes += [instant for instant in instants if instant.limit == objective.id and instant.rows == (row,)]
+    return sorted(nodes, key=lambda node: (node.segment, node.u))
+
+
+def _step_rows(
+    curve: SymbolicCurve, objective: Objective, instants: Sequence[Instant],
+    g: list[Any], lower: list[float], upper: list[float], rows: list[Row],
+) -> _Steps:  # fmt: skip
+    """Appends sigma_k >= +-(e_k - e_{k-1}), so that sum sigma is the total variation from node to node at an optimum.
+
+    With every turning point among the nodes that is the total variation; between them it falls short of it.
+    """
+    limit = curve.problem.variation(objective)
+    differences, names = [], []
+    for row, label in enumerate(limit.labels):
+        nodes = step_nodes(curve.problem, objective, row, instants)
+        values = limit_values(curve, limit, nodes)[row, :].T
+        inner = [j for j in range(1, len(nodes)) if nodes[j].segment == nodes[j - 1].segment]
+        differences.append((values[inner] - values[[j - 1 for j in inner]]) / objective.scale)
+        names += [(label, nodes[j]) for j in inner]
+    together = casadi.vertcat(*differences)
+    sizes = casadi.MX.sym(f"steps of {objective.id}", len(names))
+    for way, rows_ in (("rises", sizes - together), ("falls", sizes + together)):
+        g.append(rows_)
+        lower.extend([0.0] * len(names))
+        upper.extend([np.inf] * len(names))
+        for label, node in names:
+            words = f"{label} {way}"
+            rows.append(Row(objective.id, words, node.segment, node.u, objective.unit, objective.scale, defines=True))
+    return _Steps(objective, together, sizes, tuple(f"step of {label}" for label, _ in names))
 
 
 def _path_rows(

@@ -12,6 +12,7 @@ from ocp_traj.problem import Problem
 # id: (module, case class). A new paper is one file here, one line in this table and a reference row in the tests.
 REGISTRY = {
     "hybrid-spline": ("hybrid_spline", "Guo2016"),
+    "wrist-obstacle": ("wrist_obstacle", "ElHaiek2019"),
 }
 
 
@@ -54,6 +55,10 @@ def load(name: str, **changes: Any) -> Problem:
 def _converted(problem: str, key: str, value: Any, default: Any) -> Any:
     """The value as the default's type, or an error that says what is wanted."""
     wanted = f"{problem}: {key} is {value!r}; give"
+    if default is None:
+        return None if value is None else _numbers(value, f"{wanted} numbers, such as 1,0,0.5")
+    if isinstance(default, tuple) and default and isinstance(default[0], tuple):
+        return _rows(value, len(default[0]), wanted, default)
     if isinstance(default, bool):
         if isinstance(value, bool):
             return value
@@ -61,11 +66,7 @@ def _converted(problem: str, key: str, value: Any, default: Any) -> Any:
             return str(value).lower() == "true"
         raise InputError(f"{wanted} true or false")
     if isinstance(default, tuple):
-        items = value.split(",") if isinstance(value, str) else value
-        try:
-            numbers = tuple(float(item) for item in items)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{wanted} {len(default)} numbers, such as {','.join(map(str, default))}") from error
+        numbers = _numbers(value, f"{wanted} {len(default)} numbers, such as {','.join(map(str, default))}")
         if len(numbers) != len(default):
             raise InputError(f"{wanted} {len(default)} numbers, such as {','.join(map(str, default))}")
         return numbers
@@ -75,3 +76,25 @@ def _converted(problem: str, key: str, value: Any, default: Any) -> Any:
         except (TypeError, ValueError) as error:
             raise InputError(f"{wanted} a number, such as {default}") from error
     return str(value)
+
+
+def _numbers(value: Any, wanted: str, between: str = ",") -> tuple[float, ...]:
+    try:
+        return tuple(float(item) for item in (value.split(between) if isinstance(value, str) else value))
+    except (TypeError, ValueError) as error:
+        raise InputError(wanted) from error
+
+
+def _rows(value: Any, width: int, wanted: str, default: Any) -> tuple[tuple[float, ...], ...]:
+    """Any number of rows of ``width`` numbers: ``a:b:c; d:e:f`` or a list of lists; ``none`` for none."""
+    example = ";".join(":".join(f"{number:g}" for number in row) for row in default)
+    wanted += f" rows of {width} numbers, such as {example}, more of them after a semicolon, or none"
+    if isinstance(value, str):
+        value = [] if value.strip().lower() == "none" else value.split(";")
+    try:
+        rows = tuple(_numbers(row, wanted, ":") for row in value)
+    except TypeError as error:
+        raise InputError(wanted) from error
+    if any(len(row) != width for row in rows):
+        raise InputError(wanted)
+    return rows

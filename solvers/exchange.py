@@ -11,8 +11,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
-
 import casadi
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +23,12 @@ from ocp_traj.progress import Progress, silent
 from ocp_traj.requirements import PathConstraint
 from ocp_traj.scalarise import Scalarisation
 from ocp_traj.solvers.ipopt import Ipopt
+from ocp_traj.solvers.peaks import frozen, moving, peak_function, where
 from ocp_traj.solvers.repair import largest_excess, slow_down
-from ocp_traj.symbolic import SymbolicCurve, evaluate_objectives
+from ocp_traj.solvers.turning import turned
+from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import BACK_OFF, Instant, few_instants, limit_values, trajectory, transcribe
+from ocp_traj.transcription import BACK_OFF, Instant, few_instants, trajectory, transcribe
 from ocp_traj.verdicts import Audit
 
 Array = NDArray[np.float64]
@@ -39,7 +39,6 @@ STALLED, NEGLIGIBLE = (
     4.0,
     1e-6,
 )  # a round that gains less than this factor on an excess this small: back off; our choice
-RACING = 1e3  # segments a peak moves when x doubles: it is so flat that an instant that stays holds it as well
 WARM_ITERATIONS = 80  # a warm start that needs more is none
 NEAR = 0.15  # of a segment: a new peak this close to a moving instant replaces it
 
@@ -77,17 +76,18 @@ class Exchange:
         instants = given or list(few_instants(problem))
         x, extra, iterations = np.asarray(x0, dtype=float), np.zeros(0), 0
         back_off, excess = self.back_off, np.inf
-        last: Solution | None = None  # feasible at its instants, not proved
+        last: Solution | None = None  # feasible at its instants
+        proved: Solution | None = None  # the last that is proved, its total variations not yet exact
         for number in range(1, self.max_rounds + 1):
             nlp = transcribe(problem, scalarisation, instants, back_off)
-            start = np.append(x, np.zeros(len(nlp.labels) - len(x)))
-            moving = any(instant.slope is not None for instant in instants)
-            limit = min(self.solver.max_iter, WARM_ITERATIONS) if moving else self.solver.max_iter
+            start = nlp.start(x)
+            follows = any(instant.slope is not None for instant in instants)
+            limit = min(self.solver.max_iter, WARM_ITERATIONS) if follows else self.solver.max_iter
             solution = replace(self.solver, max_iter=limit).solve(nlp, start, warm)
             iterations += solution.iterations
-            if solution.status is not Status.SOLVED and (moving or warm is not None):
+            if solution.status is not Status.SOLVED and (follows or warm is not None):
                 # Multipliers, or an instant that races along a flat peak, can mislead: once more without either.
-                instants = [_frozen(instant, x) for instant in instants]
+                instants = [frozen(instant, x) for instant in instants]
                 nlp = transcribe(problem, scalarisation, instants, back_off)
                 solution = self.solver.solve(nlp, start)
                 iterations += solution.iterations
@@ -99,21 +99,27 @@ class Exchange:
             last = solution = _finished(problem, solution, x, begun)
             assert solution.audit is not None and solution.trajectory is not None
             self.progress(number, self.max_rounds, f"{len(nlp.rows)} rows, {solution.audit.verdict}")
+            updated = turned(problem, scalarisation, instants, solution.trajectory)
             if solution.audit.proved:
-                return solution
+                proved = solution
+                if updated is None:
+                    return _settled(problem, solution)
             before, excess = excess, largest_excess(problem, solution.audit)
             if before / STALLED < excess < NEGLIGIBLE:
                 back_off += 2.0 * excess  # flat peaks wander for ever: stay clear of the limit by what they wander
             peaks = worst_instants(problem, solution.trajectory, solution.audit, self.back_off)
+            instants = updated or instants
             if number == 1 and self.first is None:
                 instants = _near(instants, problem, solution)
             instants, renamed = _merge(instants, peaks, x, problem)
             inherited = {new: solution.multipliers.get(old, 0.0) for new, old in renamed.items()}
             warm = replace(solution, multipliers={**solution.multipliers, **inherited})
+        if proved is not None:
+            return _settled(problem, replace(proved, seconds=time.perf_counter() - begun))
         if self.repair and last is not None:
             last = _mended(problem, scalarisation, last, extra, self.solver.feasibility)
         if last is not None and last.audit is not None and last.audit.proved:
-            return replace(last, seconds=time.perf_counter() - begun)
+            return _settled(problem, replace(last, seconds=time.perf_counter() - begun))
         # Infeasible on the way is an answer, with the limits in conflict; else there is a point, but no proof of it.
         if solution.status is Status.INFEASIBLE or last is None:
             return solution
@@ -126,9 +132,12 @@ def _mended(
     """The solution slowed down until it is proved, if that can be done within the bounds on its objectives."""
     assert solution.audit is not None
     (mended,), (found,) = slow_down(problem, [solution.x], [solution.audit])
-    nlp = transcribe(problem, scalarisation, ())
-    f, g = (np.array(v).ravel() for v in casadi.Function("value", [nlp.x], [nlp.f, nlp.g])(np.append(mended, extra)))
-    violation = nlp.violation(np.append(mended, extra), g)
+    known = {limit.id for limit in problem.requirements.path_constraints}
+    nlp = transcribe(problem, scalarisation, [i for i in solution.instants if i.limit not in known])
+    point = nlp.start(mended)
+    point[problem.size : problem.size + nlp.labels.count("gamma")] = extra[: nlp.labels.count("gamma")]
+    f, g = (np.array(v).ravel() for v in casadi.Function("value", [nlp.x], [nlp.f, nlp.g])(point))
+    violation = nlp.violation(point, g)
     if not found.proved or not violation <= feasibility:
         return solution
     slowed = replace(
@@ -141,6 +150,15 @@ def _mended(
         detail="slowed down until every limit was proved",
     )
     return _finished(problem, slowed, mended, time.perf_counter(), found)
+
+
+def _settled(problem: Problem, solution: Solution) -> Solution:
+    """The solution with its auxiliary variables at what its curve really has, where that is proved as well."""
+    if problem.settle is None:
+        return solution
+    found = _finished(problem, solution, problem.settle(solution.x), time.perf_counter())
+    proved = found.audit is not None and found.audit.proved
+    return replace(found, seconds=solution.seconds) if proved else solution
 
 
 def _finished(problem: Problem, solution: Solution, x: Array, begun: float, checked: Audit | None = None) -> Solution:
@@ -196,11 +214,12 @@ def _sharpened(
     """Moves instants onto their peaks by Newton's method on g_u = 0; keeps those where the limit is broken."""
     if not members:
         return []
-    derivatives = _peak_function(problem, limit, members)
+    derivatives = peak_function(problem, limit, members)
     rows = np.array([m.rows[0] for m in members if m.rows])
     low, high = (bound[rows] for bound in _scaled_bounds(limit, back_off))
     first = np.array([m.u for m in members])
     u, cell = first, 1.0 / (SCAN - 1)
+    begun = np.array(derivatives(x, u)[0]).ravel()
     with np.errstate(divide="ignore", invalid="ignore"):
         for _ in range(4):
             value, gu, guu, gux = (np.array(part) for part in derivatives(x, u))
@@ -208,33 +227,25 @@ def _sharpened(
             u = np.clip(u + step, np.maximum(first - cell, 0.0), np.minimum(first + cell, 1.0))
         value, gu, guu, gux = (np.array(part) for part in derivatives(x, u))
     value = value.ravel()
-    broken = np.maximum(value - high, low - value) > 0.0
+    excess, at_first = np.maximum(value - high, low - value), np.maximum(begun - high, low - begun)
     kept = []
-    for i in np.nonzero(broken)[0]:
-        # At the end of a segment the peak does not move; inside, g_u = 0 ties u to x.
-        inside = 0.0 < u[i] < 1.0 and abs(guu[i, 0]) > 1e-9
-        slope, anchor = (-gux[i] / guu[i, 0], x) if inside else (None, None)
-        if slope is not None and np.abs(slope * x).max() > RACING:
-            slope, anchor = None, None
-        kept.append(Instant(limit.id, members[i].segment, float(u[i]), members[i].rows, slope, anchor))
+    for i in np.nonzero(np.maximum(excess, at_first) > 0.0)[0]:
+        if excess[i] < at_first[i]:
+            # Newton's method led downhill: the peak is a corner at the end of a segment, where it stays.
+            kept.append(members[i])
+        else:  # g_u = 0 ties u to x
+            kept.append(moving(replace(members[i], u=float(u[i])), guu[i, 0], gux[i], x))
     return kept
-
-
-def _peak_function(problem: Problem, limit: PathConstraint, members: list[Instant]) -> Any:
-    """Casadi Function (x, u ``(N,)``) -> scaled values, g_u, g_uu ``(N,)``, g_ux ``(N, n)`` of one row an instant."""
-    x, u = casadi.MX.sym("x", problem.size), casadi.MX.sym("u", len(members))
-    values = casadi.vec(limit_values(SymbolicCurve.at(problem, x), limit, members, u) / casadi.DM(limit.scale))
-    rows = [(m.rows or (0,))[0] + j * len(limit.labels) for j, m in enumerate(members)]
-    value = values[rows]
-    gu = casadi.gradient(casadi.sum1(value), u)
-    guu = casadi.gradient(casadi.sum1(gu), u)
-    return casadi.Function("peaks", [x, u], [value, gu, guu, casadi.densify(casadi.jacobian(gu, x))])
 
 
 def _near(instants: list[Instant], problem: Problem, solution: Solution) -> list[Instant]:
     """The instants and rows close to their bounds; others only cost time, and return as peaks should they matter."""
     kept = []
+    known = {limit.id for limit in problem.requirements.path_constraints}
     for instant in instants:
+        if instant.limit not in known:  # of a total variation
+            kept.append(instant)
+            continue
         limit = _limit(problem, instant)
         rows = range(len(limit.labels)) if instant.rows is None else instant.rows
         near = tuple(i for i in rows if solution.slacks[_row(limit, instant, i)] < KEEP)
@@ -255,7 +266,7 @@ def _merge(
                 peak.segment,
                 peak.rows,
             ) and old.anchor is not None
-            if same and abs(_where(old, x) - peak.u) < NEAR:
+            if same and abs(where(old, x) - peak.u) < NEAR:
                 limit, row = _limit(problem, peak), (peak.rows or (0,))[0]
                 renamed[_row(limit, peak, row)] = _row(limit, old, row)
                 merged[i] = peak
@@ -263,17 +274,6 @@ def _merge(
         else:
             merged.append(peak)
     return merged, renamed
-
-
-def _where(instant: Instant, x: Array) -> float:
-    if instant.slope is None or instant.anchor is None:
-        return instant.u
-    return float(np.clip(instant.u + instant.slope @ (x - instant.anchor), 0.0, 1.0))
-
-
-def _frozen(instant: Instant, x: Array) -> Instant:
-    """The instant where it now is; that it has an anchor still tells it from the grid's."""
-    return replace(instant, u=_where(instant, x), slope=None)
 
 
 def _limit(problem: Problem, instant: Instant) -> PathConstraint:

@@ -130,6 +130,7 @@ class Ipopt:
         options: dict[str, Any] = {
             "print_time": False,
             "error_on_fail": False,
+            "expand": nlp.expand,
             "ipopt": self._settings(bool(multipliers)),
         }
         program: Any = {"x": nlp.x, "f": nlp.f, "g": nlp.g}
@@ -197,6 +198,8 @@ class Ipopt:
         found: dict[tuple[str, str], Conflict] = {}
         for i, row in enumerate(nlp.rows):
             exceeded, multiplier = max(high[i], low[i]), solution.multipliers[row]
+            if row.defines:
+                continue
             if exceeded <= 1e-6 and abs(multiplier) <= 1e-4:
                 continue
             bound = nlp.upper_g[i] if (high[i] >= low[i] if exceeded > 1e-6 else multiplier > 0) else nlp.lower_g[i]
@@ -207,7 +210,7 @@ class Ipopt:
                 found[key] = conflict
         for i, label in enumerate(nlp.labels):
             multiplier = float(solution.bound_multipliers[i]) if solution.bound_multipliers is not None else 0.0
-            if abs(multiplier) > 1e-4:
+            if abs(multiplier) > 1e-4 and nlp.lower_x[i] < nlp.upper_x[i]:
                 bound = nlp.upper_x[i] if multiplier > 0 else nlp.lower_x[i]
                 found["variable", label] = Conflict(
                     Row("variable", label, unit=nlp.units[i]), solution.x[i], bound, 0.0

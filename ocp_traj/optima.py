@@ -1,0 +1,72 @@
+"""Local optima: the distinct ones among many solutions of one problem, and how many starts ended in each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ocp_traj.bernstein import PiecewiseBezier
+
+if TYPE_CHECKING:
+    from ocp_traj.nlp import Solution
+    from ocp_traj.problem import Problem
+
+SAME_VALUE = 1e-6  # relative: optima whose objectives differ by more are two; our choice, 100 x what exchange leaves open
+SAME_CURVE = 1e-2  # of the joints' ranges: curves of one value closer than this are one optimum; our choice
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """A local optimum.
+
+    Attributes:
+        solution: the best of those that ended there.
+        starts: how many ended there.
+        way: the problem's word for the way it takes (``Problem.homotopy``), or none.
+    """
+
+    solution: Solution
+    starts: int
+    way: str = ""
+
+
+def distinct(problem: Problem, solutions: Sequence[Solution]) -> tuple[Optimum, ...]:
+    """The distinct ones among usable solutions, best first.
+
+    Two are one optimum where their values agree to ``SAME_VALUE`` and either their curves to ``SAME_CURVE`` or, where
+    the problem has a word for it, the ways they take: a joint that an objective does not see makes a continuum of them.
+    """
+    found: list[Optimum] = []
+    usable = [s for s in solutions if s.ok and s.trajectory is not None and np.isfinite(s.f)]
+    proved_first = sorted(usable, key=lambda s: (s.audit is None or not s.audit.proved, s.f))
+    for solution in proved_first:
+        assert solution.trajectory is not None
+        way = problem.homotopy(solution.trajectory) if problem.homotopy is not None else ""
+        for i, known in enumerate(found):
+            if _same(known, solution, way):
+                found[i] = replace(known, starts=known.starts + 1)
+                break
+        else:
+            found.append(Optimum(solution, 1, way))
+    return tuple(sorted(found, key=lambda optimum: optimum.solution.f))
+
+
+def _same(known: Optimum, solution: Solution, way: str) -> bool:
+    if abs(known.solution.f - solution.f) > SAME_VALUE * max(abs(solution.f), 1e-300):
+        return False
+    if way:
+        return known.way == way
+    assert known.solution.trajectory is not None and solution.trajectory is not None
+    return distance(known.solution.trajectory.curve, solution.trajectory.curve) <= SAME_CURVE
+
+
+def distance(one: PiecewiseBezier, other: PiecewiseBezier) -> float:
+    """Largest difference of two curves at like fractions of their time, as a share of each joint's range of motion."""
+    share = np.linspace(0.0, 1.0, 201)
+    a, b = one(share * one.duration), other(share * other.duration)
+    size = np.maximum(np.ptp(a, axis=0), np.ptp(b, axis=0))
+    gap = np.abs(a - b).max(axis=0)
+    return float((gap / np.where(size > 1e-9, size, 1.0)).max())

@@ -1,0 +1,396 @@
+"""A spherical wrist passes obstacles on a quartic and a quintic. El Haiek et al. (2019), Procedia Manufacturing 32.
+
+Decision variables  angles and velocities of the via point, th3 at the goal, t1, t2; the clearance where there are
+                    obstacles                                                                              sect. 4
+Curve               a quartic to the via point, then a quintic, at rest at both ends                      (4)-(15)
+Objectives          time T (17), joint travelling distance Fq (18), their sum Ff (16); clearance (our choice)
+Subject to          the link clear of every obstacle (20); position (sect. 5), velocity and acceleration for all t
+Deviations
+  (19) divides by zero, so the obstacle is a limit. (8) lacks a term and b4 is missing: the curve solves the conditions
+  that define them. Fq is the total variation of the joints, the limit of (18) for ever more positions.
+  In the plane base, obstacle and goal of sect. 5 lie on one line, so the goal always collides: the cases lift start and
+  goal off the plane. Without limits on velocity and acceleration time dilation makes T whatever its bound is: those
+  limits, the bounds on t1 and t2, the sizes of obstacle and link, and d3 are our choice, as are the effort limits.
+  Both ways to hold the wrist at the goal, (th1, th2) and (th1 -+ pi, -th2), are its branches 0 and 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import asin, atan2, hypot, isfinite, pi, sqrt
+from typing import Any
+
+import casadi
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.chain import AxisJoint, LinkInertia
+from ocp_traj.curves import quartic_quintic
+from ocp_traj.errors import InputError
+from ocp_traj.limits import Limits
+from ocp_traj.nlp import Conflict
+from ocp_traj.problem import Objective, Problem, Variable
+from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.robot import Robot
+
+Array = NDArray[np.float64]
+Point = tuple[float, float, float]
+
+JOINTS = ("theta1", "theta2", "theta3")
+UNITS = ("rad", "rad", "rad")
+BRANCHES = ("best", "0", "1")
+# Start and goal of the tip [length units]; those of sect. 5 in the plane are (-1, 1) and (1, 1).
+CASES: dict[str, tuple[Point, Point]] = {
+    "blocked": ((-1.0, 1.0, -sqrt(2.0)), (1.0, 1.0, sqrt(2.0))),
+    "open": ((-1.0, 1.0, sqrt(2.0)), (1.0, 1.0, sqrt(2.0))),
+}
+REACHED = 0.01  # of d3: how far a start or goal may lie off the tip's sphere, on which it is then put; our choice
+RESERVE = 2e-9  # [rad], by which a clearance is reported short of what was found, so that it can be proved; our choice
+
+
+@dataclass(frozen=True)
+class ElHaiek2019:
+    """The numbers of a case; a field is what a user may change. Lengths are in the paper's unit, which has no name."""
+
+    case: str = "blocked"  # of CASES
+    start: Point | None = None  # of the tip; the case's own if not given
+    goal: Point | None = None
+    obstacles: tuple[tuple[float, float, float, float], ...] = ((0.5, 0.5, 0.0, 0.4),)  # x, y, z, radius; sect. 5
+    link_radius: float = 0.05  # of the link, a capsule from the base to the tip
+    d3: float = 2.0  # length of the link, (1)-(3)
+    weights: tuple[float, float] = (1.0, 1.0)  # beta1 [1/s], beta2 [1/rad] of (16)
+    branch: str = "best"  # of BRANCHES: how the wrist is held at the goal
+    min_clearance: float = 0.0  # [rad]: the angle, seen from the base, that stays between link and obstacles
+    max_position: tuple[float, float, float] = (pi, pi, pi)  # [rad], sect. 5
+    max_velocity: tuple[float, float, float] = (2.0, 2.0, 3.0)  # [rad/s]
+    max_acceleration: tuple[float, float, float] = (10.0, 10.0, 15.0)  # [rad/s2]
+    min_time: float = 0.1  # [s], of t1 and of t2
+    max_time: float = 4.0  # [s]
+    effort_limits: bool = False  # whether the motors' torques are limited as well
+    max_effort: tuple[float, float, float] = (1.0, 2.0, 0.2)  # [N m]
+
+    def __post_init__(self) -> None:
+        """Checks the fields."""
+        if self.case not in CASES:
+            raise InputError(f"case is {self.case!r}; allowed are {', '.join(CASES)} (start and goal change either)")
+        if self.branch not in BRANCHES:
+            raise InputError(f"branch is {self.branch!r}; allowed are {', '.join(BRANCHES)}")
+        for name in ("d3", "link_radius", "max_time", "min_time"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise InputError(f"{name} is {getattr(self, name)}; give a number above zero")
+        if not self.min_time < self.max_time:
+            raise InputError(f"min_time {self.min_time} s is not below max_time {self.max_time} s; widen them")
+        for name in ("max_position", "max_velocity", "max_acceleration", "max_effort"):
+            if not all(0.0 < bound < np.inf for bound in getattr(self, name)):
+                raise InputError(f"{name} is {getattr(self, name)}; give three numbers above zero")
+        if len(self.weights) != 2 or not all(0.0 <= w < np.inf for w in self.weights) or not any(self.weights):
+            raise InputError(f"weights are {self.weights}; give two numbers, zero or more and not both zero")
+        if not 0.0 <= self.min_clearance < pi:
+            raise InputError(f"min_clearance is {self.min_clearance} rad; give an angle from 0 to below pi")
+        for name, point in (("start", self.ends[0]), ("goal", self.ends[1])):
+            if len(point) != 3 or not all(map(isfinite, point)) or abs(_size(point) / self.d3 - 1.0) > REACHED:
+                raise InputError(
+                    f"{name} is {point}, {_size(point):.6g} from the base; the tip moves at d3 = {self.d3:.6g} from it: "
+                    "give three numbers, a point at that distance (to 1 %)"
+                )
+        for number, obstacle in enumerate(self.obstacles, 1):
+            if len(obstacle) != 4 or not all(map(isfinite, obstacle)) or not obstacle[3] > 0.0:
+                raise InputError(f"obstacle {number} is {obstacle}; give x:y:z:radius, the radius above zero")
+            if _size(obstacle[:3]) <= obstacle[3] + self.link_radius:
+                raise InputError(
+                    f"obstacle {number} at {obstacle[:3]} with radius {obstacle[3]} reaches the link's base at the "
+                    f"origin (link radius {self.link_radius}); no motion could be clear of it: move or shrink it"
+                )
+
+    @property
+    def ends(self) -> tuple[Point, Point]:
+        """Start and goal of the tip."""
+        start, goal = CASES[self.case]
+        return self.start or start, self.goal or goal
+
+
+def _size(point: Sequence[float]) -> float:
+    return hypot(*point)
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A sphere grown by the link's radius, so that the link is a line.
+
+    Attributes:
+        number: from 1.
+        centre: c ``(3,)``.
+        size: |c|.
+        radius: R = r + rho.
+    """
+
+    number: int
+    centre: Array
+    size: float
+    radius: float
+
+    @property
+    def half_angle(self) -> float:
+        """Half the angle under which it is seen from the base, asin(R / |c|) [rad]."""
+        return asin(self.radius / self.size)
+
+    def depth(self, tip: Array) -> float:
+        """How deep the link reaches into it, R less the distance from the centre to the segment from base to tip."""
+        along = float(np.clip(self.centre @ tip / (tip @ tip), 0.0, 1.0))
+        return float(self.radius - np.linalg.norm(along * tip - self.centre))
+
+
+def obstacles(case: ElHaiek2019) -> list[Obstacle]:
+    """The obstacles of a case."""
+    return [
+        Obstacle(i, np.array(o[:3]), _size(o[:3]), o[3] + case.link_radius) for i, o in enumerate(case.obstacles, 1)
+    ]
+
+
+def direction(q: Any) -> Any:
+    """Direction of the link, (1)-(3) over d3: a symbolic column from joints ``(3,)``."""
+    return casadi.vertcat(casadi.cos(q[0]) * casadi.sin(q[1]), casadi.sin(q[0]) * casadi.sin(q[1]), casadi.cos(q[1]))
+
+
+def directions(q: Array) -> Array:
+    """Directions of the link ``(N, 3)`` from joints ``(N, 3)``."""
+    sine = np.sin(q[:, 1])
+    return np.stack([np.cos(q[:, 0]) * sine, np.sin(q[:, 0]) * sine, np.cos(q[:, 1])], axis=1)
+
+
+def inverse_kinematics(point: Sequence[float], branch: int = 0) -> tuple[float, float]:
+    """theta1, theta2 [rad] in (-pi, pi] that point the link at a point; branch 1 is (th1 -+ pi, -th2)."""
+    x, y, z = point
+    th1, th2 = atan2(y, x), atan2(hypot(x, y), z)
+    if branch == 0:
+        return th1, th2
+    return (th1 - pi if th1 > 0.0 else th1 + pi), -th2
+
+
+def robot(case: ElHaiek2019) -> Robot:
+    """Rz(th1) Ry(th2) Rz(th3): masses 1.2, 0.8, 0.25 kg and 0.30 kg at the tip, 0.1 m a length unit; all our choice.
+
+    Links 1 and 2 are solid cylinders of radius 0.05 and 0.04 m and height 0.1 and 0.08 m about the centre of the wrist,
+    link 3 is a rod of radius 0.02 m from there to the tip. Gravity acts along -z of the base.
+    """
+    length = 0.1 * case.d3  # [m]
+
+    def cylinder(mass: float, radius: float, height: float, centre: float = 0.0) -> LinkInertia:
+        across = mass * (3.0 * radius**2 + height**2) / 12.0
+        return LinkInertia(mass, (0.0, 0.0, centre), np.diag([across, across, mass * radius**2 / 2.0]))
+
+    rod, tip = cylinder(0.25, 0.02, length, length / 2.0), 0.30
+    mass = rod.mass + tip
+    centre = (rod.mass * length / 2.0 + tip * length) / mass
+    spread = rod.mass * (centre - length / 2.0) ** 2 + tip * (length - centre) ** 2
+    third = LinkInertia(mass, (0.0, 0.0, centre), rod.inertia + np.diag([spread, spread, 0.0]))
+    links = (cylinder(1.2, 0.05, 0.1), cylinder(0.8, 0.04, 0.08), third)
+    axes = ((0, 0, 1), (0, 1, 0), (0, 0, 1))
+    return Robot.from_dh(
+        rows=(),
+        inertias=(),
+        prefix=tuple(AxisJoint("revolute", axis=axis, inertia=link) for axis, link in zip(axes, links, strict=True)),
+        joints=JOINTS,
+        units=UNITS,
+        limits=Limits(
+            position=(tuple(-b for b in case.max_position), case.max_position),
+            velocity=case.max_velocity,
+            acceleration=case.max_acceleration,
+            effort=case.max_effort,
+        ),
+        name="spherical wrist",
+    )
+
+
+def build(case: ElHaiek2019 | None = None) -> Problem:
+    """The problem of a case; with branch ``best`` it is branch 0's, and its alternatives are both branches."""
+    case = case or ElHaiek2019()
+    if case.branch != "best":
+        return _build(case, int(case.branch))
+    branches = {f"branch {b}": _build(replace(case, branch=str(b)), b) for b in (0, 1)}
+    return replace(branches["branch 0"], case=case, alternatives=branches)
+
+
+def _build(case: ElHaiek2019, branch: int) -> Problem:
+    machine, spheres = robot(case), obstacles(case)
+    start = np.array([*inverse_kinematics(case.ends[0]), 0.0])  # th3 is 0 at the start: our choice
+    goal = inverse_kinematics(case.ends[1], branch)
+    position, speed = np.array(case.max_position), np.array(case.max_velocity)
+    times = np.full(2, case.min_time), np.full(2, case.max_time)
+    variables = [
+        Variable("via", -position, position, "rad", tuple(f"via {j}" for j in JOINTS), "sect. 5"),
+        Variable("via_velocity", -speed, speed, "rad/s", tuple(f"via velocity {j}" for j in JOINTS), "our choice"),
+        Variable("theta_g", -position[2:], position[2:], "rad", ("theta3 at the goal",), "sect. 4"),
+        Variable("t", *times, "s", ("t1", "t2"), "our choice"),
+    ]
+    objectives = [
+        Objective("time", "s", 1.0, eq="(17)", of_variables=lambda x, p: x[7] + x[8]),
+        Objective("distance", "rad", 1.0, eq="(18)", variation=lambda s: s.q),
+        Objective("fitness", "-", 1.0, eq="(16)", terms=dict(zip(("time", "distance"), case.weights, strict=True))),
+    ]
+    if spheres:
+        ends = directions(np.array([start, [*goal, 0.0]]))
+        room = max(min(float(_clearance(ends, o).min()) for o in spheres), case.min_clearance + 1e-3)
+        least, most = np.array([case.min_clearance]), np.array([room])  # no trajectory has more than its ends have
+        margin = ("least clearance",)
+        variables.append(Variable("margin", least, most, "rad", margin, "our choice", auxiliary_to="clearance"))
+        objectives.append(Objective("clearance", "rad", 0.1, "max", "our choice", of_variables=lambda x, p: x[9]))
+    lower, upper = np.concatenate([v.lower for v in variables]), np.concatenate([v.upper for v in variables])
+
+    def curve(x: Any) -> PiecewiseBezier:
+        return quartic_quintic(start, x[:3], x[3:6], casadi.vertcat(*goal, x[6]), x[7:9])
+
+    def guess(rng: np.random.Generator) -> Array:
+        x = rng.uniform(lower, upper)
+        x[7:9] = np.clip(rng.uniform(0.3, 2.0, 2), case.min_time, case.max_time)
+        return np.asarray(x)
+
+    def dilate(x: Array, s: float) -> Array:
+        slower = np.array(x, dtype=float)
+        slower[3:6] /= s
+        slower[7:9] *= s
+        return slower
+
+    def settle(x: Array) -> Array:
+        settled = np.array(x, dtype=float)
+        found = clearance(curve(settled), spheres) - RESERVE
+        settled[9] = np.clip(found, case.min_clearance, room)
+        return settled
+
+    def explain(conflict: Conflict) -> str:
+        return _explain(case, spheres, conflict)
+
+    return Problem(
+        id="wrist-obstacle",
+        title="spherical wrist, quartic and quintic, obstacles",
+        reference="El Haiek et al. (2019), Procedia Manufacturing 32, 960-968",
+        case=case,
+        robot=machine,
+        variables=tuple(variables),
+        curve=curve,
+        curve_kind="quartic and quintic through one via point",
+        parameters=(lambda x: x[9]) if spheres else (lambda x: casadi.SX(0, 1)),
+        objectives=tuple(objectives),
+        default_objective="fitness",
+        reference_point={"time": 4.0, "distance": 10.0, "fitness": 14.0, "clearance": case.min_clearance},
+        requirements=Requirements(
+            JOINTS, UNITS, tuple(_limits(case, machine, spheres)), _points(start, goal),
+            ("clearance",) if spheres else (), continuity=2,
+        ),  # fmt: skip
+        starts=4,  # our choice: there are many local optima
+        instants=7,  # our choice: from fewer the first rounds wander far
+        expand=not case.effort_limits,
+        guess=guess,
+        dilate=dilate,
+        homotopy=lambda trajectory: way(trajectory.curve, spheres, branch),
+        settle=settle if spheres else None,
+        explain=explain,
+    )
+
+
+def _limits(case: ElHaiek2019, machine: Robot, spheres: Sequence[Obstacle]) -> list[PathConstraint]:
+    limits = []
+    for order, (name, eq, per) in enumerate(
+        (("position", "sect. 5", ""), ("velocity", "our choice", "/s"), ("acceleration", "our choice", "/s2"))
+    ):
+        low, high = getattr(machine.limits, name)
+        limits.append(
+            PathConstraint.on_derivative(f"{name}-limit", order, low, high, [u + per for u in UNITS], JOINTS, eq)
+        )
+    if case.effort_limits:
+        low, high = machine.limits.bounds("effort") or (0.0, 0.0)
+        limits.append(
+            PathConstraint(
+                "effort", lambda s: machine.effort(s.q, s.v, s.a), low, high, machine.effort_units, JOINTS, "our choice"
+            )
+        )
+    if spheres:
+
+        def cosines(s: State) -> Any:
+            u = direction(s.q)
+            return casadi.vertcat(
+                *(casadi.dot(o.centre / o.size, u) - casadi.cos(o.half_angle + s.p[0]) for o in spheres)
+            )
+
+        labels = tuple(f"obstacle {o.number}" for o in spheres)
+        none = np.full(len(spheres), -np.inf)
+        limits.append(PathConstraint("obstacles", cosines, none, np.zeros(len(spheres)), ("-",) * len(spheres),
+                                     labels, "(20)"))  # fmt: skip
+    return limits
+
+
+def _points(start: Array, goal: tuple[float, float]) -> tuple[PointConstraint, ...]:
+    rest = PointConstraint(
+        "rest", lambda s: casadi.vertcat(s.v, s.a), ((0, 0.0), (-1, 1.0)), np.zeros(6), np.zeros(6),
+        ("rad/s",) * 3 + ("rad/s2",) * 3, (*(f"v {j}" for j in JOINTS), *(f"a {j}" for j in JOINTS)),
+        "sect. 3", structural=True,
+    )  # fmt: skip
+    first = PointConstraint(
+        "start", lambda s: s.q, ((0, 0.0),), start, start, UNITS, JOINTS, "sect. 5", structural=True
+    )
+    last = PointConstraint(
+        "goal", lambda s: s.q[:2], ((-1, 1.0),), np.array(goal), np.array(goal), UNITS[:2], JOINTS[:2], "sect. 5",
+        structural=True,
+    )  # fmt: skip
+    return rest, first, last
+
+
+def _clearance(unit: Array, sphere: Obstacle) -> Array:
+    """Angles between directions ``(N, 3)`` and an obstacle, less its half angle: ``(N,)`` [rad]."""
+    return np.asarray(np.arccos(np.clip(unit @ sphere.centre / sphere.size, -1.0, 1.0)) - sphere.half_angle)
+
+
+def clearance(curve: PiecewiseBezier, spheres: Sequence[Obstacle]) -> float:
+    """The clearance along a curve [rad]: least over time and obstacles, by a scan and a search in its best cells."""
+    least = np.inf
+    u = np.linspace(0.0, 1.0, 129)
+    for sphere in spheres:
+        for k in range(curve.segments):
+            values = _clearance(directions(curve.at(k, u)), sphere)
+            least = min(least, float(values.min()))
+            inner = np.nonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:]))[0] + 1
+            for i in inner[values[inner] < values.min() + 0.01]:  # a cell's least value is closer to its samples' [rad]
+                found = minimize_scalar(
+                    lambda t, k=k, sphere=sphere: float(_clearance(directions(curve.at(k, t)), sphere)[0]),
+                    bounds=(u[i - 1], u[i + 1]), method="bounded", options={"xatol": 1e-12},
+                )  # fmt: skip
+                least = min(least, float(found.fun))
+    return least
+
+
+def way(curve: PiecewiseBezier, spheres: Sequence[Obstacle], branch: int) -> str:
+    """The way past the obstacles: the goal's branch, then per obstacle on which sides of its joint images it passes.
+
+    The link points at an obstacle's centre at two places of the plane (theta1, theta2). About each the curve turns by
+    some angle; its sign, + for anticlockwise, says on which side the curve passes, a number before it the full turns.
+    """
+    q = np.concatenate([curve.at(k, np.linspace(0.0, 1.0, 401)) for k in range(curve.segments)])
+    words = [f"branch {branch}"]
+    for sphere in spheres:
+        signs = ""
+        for image in (0, 1):
+            away = q[:, :2] - inverse_kinematics(sphere.centre, image)
+            angle = np.unwrap(np.arctan2(away[:, 1], away[:, 0]))
+            turn = angle[-1] - angle[0]
+            turns = int(abs(turn) // (2.0 * pi))
+            signs += (str(turns) if turns else "") + ("+" if turn >= 0.0 else "-")
+        words.append(f"obstacle {sphere.number} {signs}")
+    return ", ".join(words)
+
+
+def _explain(case: ElHaiek2019, spheres: Sequence[Obstacle], conflict: Conflict) -> str:
+    if conflict.row.limit != "obstacles":
+        return ""
+    sphere = spheres[int(conflict.row.label.split()[-1]) - 1]
+    end = ("start", "goal")[conflict.row.segment > 0]
+    x, y, z, radius = case.obstacles[sphere.number - 1]
+    named = f"{conflict.row.label} (centre {x:g}, {y:g}, {z:g}, radius {radius:g}, link radius {case.link_radius:g})"
+    tip = np.array(case.ends[conflict.row.segment > 0])
+    depth = sphere.depth(tip * case.d3 / _size(tip))
+    if depth > 0.0:
+        return f"{named} touches the link at the {end}: they overlap by {depth:.4g}"
+    found = float(_clearance(tip[None] / _size(tip), sphere)[0])
+    return f"{named} leaves {found:.4g} rad of clearance at the {end}; min_clearance is {case.min_clearance:g}"
