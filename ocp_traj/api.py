@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from ocp_traj.progress import Progress, silent
 from ocp_traj.scalarise import Scalarisation, WeightedSum, check_names
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
-from ocp_traj.solvers.multistart import Multistart
+from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.nsga2 import NSGA2
 from ocp_traj.solvers.pareto_set import FrontMethod
 from ocp_traj.solvers.payload import LargestPayload, along, static_bound, within
@@ -25,6 +26,7 @@ from ocp_traj.solvers.repair import slow_down
 from ocp_traj.trajectory import Trajectory
 
 METHODS = ("trace", "nsga2")
+OPTIMA_STARTS = 30  # random starts when all local optima are asked for: our choice
 
 
 def scalarisation(problem: Problem, objective: str | None, weights: Mapping[str, float] | None) -> Scalarisation:
@@ -41,8 +43,9 @@ def solve(
     *,
     objective: str | None = None,
     weights: Mapping[str, float] | None = None,
-    starts: int = 1,
+    starts: int | None = None,
     seed: int = 0,
+    all_optima: bool = False,
     solver: Exchange | None = None,
     progress: Progress = silent,
 ) -> Solution:
@@ -52,17 +55,32 @@ def solve(
         problem: from ``ocp_traj.problems.load``.
         objective: id of one objective; the problem's default if neither this nor weights are given.
         weights: {objective: weight}; what is minimised is sum_k w_k f_k / scale_k.
-        starts: random starts.
+        starts: random starts, of each alternative of the problem; as many as it asks for itself if not given.
         seed: of the starts.
+        all_optima: whether ``solution.optima`` lists every distinct local optimum; ``OPTIMA_STARTS`` if not given.
         solver: of each start.
         progress: told how far it is.
 
     Returns:
         The best solution, with trajectory, objectives and audit; infeasible ones name the limits in conflict.
+        ``solution.alternatives`` holds those of all alternatives, where the problem leaves a choice open.
     """
+    if starts is None:
+        starts = max(problem.starts, OPTIMA_STARTS if all_optima else 1)
     if starts < 1:
         raise InputError(f"starts is {starts}; give one or more")
     scalar = scalarisation(problem, objective, weights)
+    if problem.alternatives:
+        found = {
+            name: solve(
+                alternative, objective=objective, weights=weights, starts=starts, seed=seed, all_optima=all_optima,
+                solver=solver, progress=progress,
+            )
+            for name, alternative in problem.alternatives.items()
+        }  # fmt: skip
+        optima = sorted((o for s in found.values() for o in s.optima), key=lambda o: o.solution.f)
+        seconds = sum(s.seconds for s in found.values())
+        return replace(best_of(list(found.values())), alternatives=found, optima=tuple(optima), seconds=seconds)
     conflicts = fixed_conflicts(problem)
     if conflicts:
         # Broken where nothing can be changed: no solver needs to try.
@@ -72,7 +90,8 @@ def solve(
             conflicts=conflicts, detail="broken at an end, whatever the variables",
         )  # fmt: skip
     one_start = solver or Exchange(progress=progress if starts == 1 else silent)
-    return Multistart(one_start, starts, seed, progress if starts > 1 else silent).solve(problem, scalar)
+    told = progress if starts > 1 else silent
+    return Multistart(one_start, starts, seed, all_optima, told).solve(problem, scalar)
 
 
 def front_method(method: str, *, points: int, seed: int, progress: Progress, **options: Any) -> FrontMethod:
@@ -120,6 +139,18 @@ def pareto(
         if not budget > 0.0:
             raise InputError(f"the budget is {budget} s; give a time above zero")
         options["max_seconds"] = budget
+    if problem.alternatives:
+        if budget is not None:
+            budget /= len(problem.alternatives)
+        return _best_front(
+            {
+                name: lambda alternative=alternative: pareto(
+                    alternative, objectives, method=method, points=points, seed=seed, budget=budget,
+                    keep_unproved=keep_unproved, progress=progress, **options,
+                )
+                for name, alternative in problem.alternatives.items()
+            }
+        )  # fmt: skip
     chosen = front_method(method, points=points, seed=seed, progress=progress, **options)
     conflicts = fixed_conflicts(problem)
     if conflicts:
@@ -127,12 +158,59 @@ def pareto(
             f"{problem.id}: no trajectory meets these limits together: {'; '.join(map(str, conflicts))}"
         )
     found = chosen.pareto(problem, objectives)
-    xs, _ = slow_down(problem, found.xs)
+    settled = found.xs if problem.settle is None else [problem.settle(x) for x in found.xs]
+    xs, _ = slow_down(problem, settled)
     info = {**found.info, "interrupted": found.interrupted}
     return Front.of(
         problem, tuple(objectives), xs,
         method=found.method, seed=found.seed, seconds=found.seconds, info=info, keep_unproved=keep_unproved,
     )  # fmt: skip
+
+
+def _best_front(runs: Mapping[str, Callable[[], Front]]) -> Front:
+    """The front of the alternative that dominates most of the box of all; ``info`` says what the others have."""
+    fronts: dict[str, Front] = {}
+    reasons = []
+    for name, run in runs.items():
+        try:
+            fronts[name] = run()
+        except NoSolutionFound as error:
+            reasons.append(error)
+        if name in fronts and fronts[name].info.get("interrupted"):
+            break
+    if not fronts:
+        raise reasons[0]
+    filled = [front for front in fronts.values() if len(front)]
+    signs = {o.id: 1.0 if o.sense == "min" else -1.0 for front in filled for o in front.traded}
+    ideal = {name: sign * min(sign * front.ideal[name] for front in filled) for name, sign in signs.items()}
+
+    def worth(name: str) -> float:
+        front = fronts[name]
+        known = set(front.objectives) <= set(front.problem.reference_point)
+        return front.hypervolume(ideal=ideal).value if len(front) and known else float(len(front) > 0)
+
+    worths = {name: worth(name) for name in fronts}
+    best = max(worths, key=lambda name: worths[name])
+    chosen = fronts[best]
+    others = {
+        name: {
+            "points": len(fronts[name]) if name in fronts else 0,
+            "hypervolume": worths.get(name, 0.0),
+            "points not dominated by the chosen front": _beyond(chosen, fronts[name]) if name in fronts else 0,
+        }
+        for name in runs
+    }
+    seconds = sum(front.seconds for front in fronts.values())
+    return replace(chosen, seconds=seconds, info={**chosen.info, "alternative": best, "alternatives": others})
+
+
+def _beyond(front: Front, other: Front) -> int:
+    """How many points of another front none of this front is as good as in every objective."""
+    if front is other or not len(other):
+        return 0
+    signs = np.array([1.0 if o.sense == "min" else -1.0 for o in front.traded])
+    ours, theirs = front.values * signs, other.values * signs
+    return int((~(ours[None] <= theirs[:, None]).all(axis=2).any(axis=1)).sum())
 
 
 def payload(

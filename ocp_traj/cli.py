@@ -71,7 +71,10 @@ def solve(
         list[str] | None, typer.Option(metavar="NAME=W", help="Minimise sum W f / scale; may be repeated.")
     ] = None,
     set_: Fields = None,
-    starts: Annotated[int, typer.Option(help="Random starts; the best result counts.", min=1)] = 1,
+    starts: Annotated[
+        int | None, typer.Option(help="Random starts; the best result counts. As many as the problem asks for if not given.", min=1)
+    ] = None,
+    all_optima: Annotated[bool, typer.Option(help="List every distinct local optimum that a start ends in.")] = False,
     seed: Seed = 0,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the trajectory here (JSON).")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the trajectory here (PNG, PDF or SVG).")] = None,
@@ -91,7 +94,10 @@ def solve(
         if path is not None:
             check_writable(path)
     with screen.progress("solving") as progress:
-        solution = api.solve(chosen, objective=objective, weights=weights, starts=starts, seed=seed, progress=progress)
+        solution = api.solve(
+            chosen, objective=objective, weights=weights, starts=starts, seed=seed, all_optima=all_optima,
+            progress=progress,
+        )  # fmt: skip
     screen.show(screen.solution_sheet(chosen, solution), json)
     if solution.trajectory is None or solution.audit is None:
         screen.say(solution.explain())
@@ -161,6 +167,8 @@ def pareto(
     volume = front.hypervolume(*corners)
     folder = save_run(front, output, force=force, hypervolume=volume)
     screen.show(screen.front_sheet(front, volume, folder), json)
+    for words in screen.front_remarks(front):
+        screen.say(words)
     screen.say(f"run: {folder}\npicture: {folder / 'front.png'}")
     return INTERRUPTED if front.info.get("interrupted") else DONE
 

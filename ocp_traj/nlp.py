@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ocp_traj.errors import NoSolutionFound, ProblemDefinitionError
 
 if TYPE_CHECKING:
+    from ocp_traj.optima import Optimum
     from ocp_traj.trajectory import Trajectory
     from ocp_traj.transcription import Instant
     from ocp_traj.verdicts import Audit
@@ -173,6 +174,8 @@ class Solution:
         trajectory, audit: where a problem solver made and checked one.
         instants: where constraint exchange ended up imposing the limits.
         rounds, row_count: of constraint exchange.
+        alternatives: of a problem with discrete choices: the solution of each, by its name; this is the best of them.
+        optima: the distinct local optima, best first, where they were asked for.
         detail: the solver's own words.
     """
 
@@ -193,6 +196,8 @@ class Solution:
     instants: tuple[Instant, ...] = ()
     rounds: int = 1
     row_count: int = 0
+    alternatives: Mapping[str, Solution] = field(default_factory=dict)
+    optima: tuple[Optimum, ...] = ()
     detail: str = ""
 
     @property

@@ -216,6 +216,15 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         ],
         "audit": audit_values(solution.audit) if solution.audit is not None else {"verdict": None, "rows": []},
     }
+    if solution.alternatives:
+        data["alternatives"] = [
+            {**_outcome(problem, other), "name": name, "chosen": other.x is solution.x}
+            for name, other in solution.alternatives.items()
+        ]
+    if solution.optima:
+        data["optima"] = [
+            {**_outcome(problem, o.solution), "way": o.way, "starts": o.starts} for o in solution.optima
+        ]  # fmt: skip
     effort = f"{solution.seconds:.2f} s, {solution.rounds} rounds, {solution.iterations} iterations"
     title = f"{problem.id}: {solution.status.value} in {effort}"
     tables: list[Rows] = []
@@ -229,7 +238,43 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
     elif solution.conflicts:
         rows_ = [[c.row.limit, c.row.label, c.value, c.bound, c.excess, c.row.unit] for c in solution.conflicts]
         tables.append((title, ["limit", "joint", "value", "allowed", "excess", "unit"], rows_))
+    names = [f"{o.id} [{o.unit}]" for o in problem.objectives]
+    if solution.alternatives:
+        lines = [
+            [name, *_outcome_cells(problem, other), other.x is solution.x]
+            for name, other in solution.alternatives.items()
+        ]
+        tables.append(("Alternatives", ["alternative", *names, "verdict", "chosen"], lines))
+    if solution.optima:
+        lines = [
+            [i, *_outcome_cells(problem, o.solution), o.starts, o.way] for i, o in enumerate(solution.optima, 1)
+        ]  # fmt: skip
+        tables.append(
+            (f"{len(lines)} local optima, best first", ["optimum", *names, "verdict", "starts", "way"], lines)
+        )
     return Sheet(data, tables)
+
+
+def _outcome(problem: Problem, solution: Solution) -> dict[str, Any]:
+    """One of several solutions as plain values."""
+    solved = solution.audit is not None
+    return {
+        "status": solution.status.value,
+        "f": solution.f,
+        "objectives": dict(solution.objectives),
+        "verdict": _verdict(solution),
+        "variables": {k: block.tolist() for k, block in problem.unpack(solution.x).items()} if solved else {},
+        "case": dict(solution.trajectory.case) if solution.trajectory is not None else {},
+    }
+
+
+def _outcome_cells(problem: Problem, solution: Solution) -> list[Any]:
+    values = [solution.objectives.get(o.id) for o in problem.objectives]
+    return [*(None if v is None else f"{v:.7g}" for v in values), _verdict(solution) or solution.status.value]
+
+
+def _verdict(solution: Solution) -> str | None:
+    return solution.audit.verdict if solution.audit is not None else None
 
 
 def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
@@ -258,6 +303,16 @@ def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
         f"hypervolume {volume.value:.4f}, spread {front.spread():.3f}, knee at point {knee}"
     )
     return Sheet(data, [(title, ["point", *columns], rows)])
+
+
+def front_remarks(front: Front) -> Iterator[str]:
+    """What a reader of a front should not overlook."""
+    if front.info.get("conflict") is False:
+        yield f"{' and '.join(front.objectives)} do not conflict here: one trajectory is best in both"
+    for name, other in front.info.get("alternatives", {}).items():
+        beyond = other["points not dominated by the chosen front"]
+        if name != front.info.get("alternative") and beyond:
+            yield f"the front is that of {front.info['alternative']}; {beyond} points of {name} add to it: solve it too"
 
 
 def payload_sheet(found: LargestPayload) -> Sheet:

@@ -241,7 +241,8 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
     lower, upper = np.concatenate([v.lower for v in variables]), np.concatenate([v.upper for v in variables])
 
     def curve(x: Any) -> PiecewiseBezier:
-        return quartic_quintic(start, x[:3], x[3:6], casadi.vertcat(*goal, x[6]), x[7:9])
+        last = casadi.vertcat(*goal, x[6]) if isinstance(x, casadi.SX) else np.array([*goal, x[6]])
+        return quartic_quintic(start, x[:3], x[3:6], last, x[7:9])
 
     def guess(rng: np.random.Generator) -> Array:
         x = rng.uniform(lower, upper)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ocp_traj.audit import audit
 from ocp_traj.evaluate import limit_on
-from ocp_traj.nlp import Row, Solution, Status
+from ocp_traj.nlp import NLP, Row, Solution, Status
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.requirements import PathConstraint
@@ -26,7 +26,7 @@ from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.peaks import frozen, moving, peak_function, where
 from ocp_traj.solvers.repair import largest_excess, slow_down
 from ocp_traj.solvers.turning import turned
-from ocp_traj.symbolic import evaluate_objectives
+from ocp_traj.symbolic import evaluate_objectives, variations
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import BACK_OFF, Instant, few_instants, trajectory, transcribe
 from ocp_traj.verdicts import Audit
@@ -63,17 +63,36 @@ class Exchange:
     first: Sequence[Instant] | None = None
     progress: Progress = silent
 
+    def opening(self, problem: Problem, scalarisation: Scalarisation) -> NLP:
+        """The NLP of the first round."""
+        return transcribe(problem, scalarisation, self._first(problem), self.back_off)
+
+    def _first(self, problem: Problem) -> list[Instant]:
+        given = [replace(instant, slope=None) for instant in self.first or ()]  # slopes of another solution mislead
+        return given or list(few_instants(problem))
+
     def solve(
-        self, problem: Problem, scalarisation: Scalarisation, x0: Array, warm: Solution | None = None
+        self,
+        problem: Problem,
+        scalarisation: Scalarisation,
+        x0: Array,
+        warm: Solution | None = None,
+        opened: Solution | None = None,
     ) -> Solution:
-        """Solves from ``x0 (n,)``; ``warm`` is an earlier solution of this problem, whose multipliers are reused.
+        """Solves from ``x0 (n,)``.
+
+        Args:
+            problem: what to solve.
+            scalarisation: its objectives as one.
+            x0: starting point.
+            warm: an earlier solution of this problem, whose multipliers are reused.
+            opened: solution of ``opening``, where it is known.
 
         Returns:
             A solution with its trajectory, objectives and audit; ``audit.proved`` says whether the exchange succeeded.
         """
         begun = time.perf_counter()
-        given = [replace(instant, slope=None) for instant in self.first or ()]  # slopes of another solution mislead
-        instants = given or list(few_instants(problem))
+        instants = self._first(problem)
         x, extra, iterations = np.asarray(x0, dtype=float), np.zeros(0), 0
         back_off, excess = self.back_off, np.inf
         last: Solution | None = None  # feasible at its instants
@@ -83,7 +102,10 @@ class Exchange:
             start = nlp.start(x)
             follows = any(instant.slope is not None for instant in instants)
             limit = min(self.solver.max_iter, WARM_ITERATIONS) if follows else self.solver.max_iter
-            solution = replace(self.solver, max_iter=limit).solve(nlp, start, warm)
+            if number == 1 and opened is not None:
+                solution = opened
+            else:
+                solution = replace(self.solver, max_iter=limit).solve(nlp, start, warm)
             iterations += solution.iterations
             if solution.status is not Status.SOLVED and (follows or warm is not None):
                 # Multipliers, or an instant that races along a flat peak, can mislead: once more without either.
@@ -96,14 +118,14 @@ class Exchange:
                 solution = replace(solution, seconds=time.perf_counter() - begun)
                 break
             x, extra = solution.x[: problem.size], solution.x[problem.size :]
-            last = solution = _finished(problem, solution, x, begun)
+            last = solution = _finished(problem, scalarisation, solution, x, begun)
             assert solution.audit is not None and solution.trajectory is not None
             self.progress(number, self.max_rounds, f"{len(nlp.rows)} rows, {solution.audit.verdict}")
             updated = turned(problem, scalarisation, instants, solution.trajectory)
             if solution.audit.proved:
                 proved = solution
                 if updated is None:
-                    return _settled(problem, solution)
+                    return _settled(problem, scalarisation, solution)
             before, excess = excess, largest_excess(problem, solution.audit)
             if before / STALLED < excess < NEGLIGIBLE:
                 back_off += 2.0 * excess  # flat peaks wander for ever: stay clear of the limit by what they wander
@@ -115,11 +137,11 @@ class Exchange:
             inherited = {new: solution.multipliers.get(old, 0.0) for new, old in renamed.items()}
             warm = replace(solution, multipliers={**solution.multipliers, **inherited})
         if proved is not None:
-            return _settled(problem, replace(proved, seconds=time.perf_counter() - begun))
+            return _settled(problem, scalarisation, replace(proved, seconds=time.perf_counter() - begun))
         if self.repair and last is not None:
             last = _mended(problem, scalarisation, last, extra, self.solver.feasibility)
         if last is not None and last.audit is not None and last.audit.proved:
-            return _settled(problem, replace(last, seconds=time.perf_counter() - begun))
+            return _settled(problem, scalarisation, replace(last, seconds=time.perf_counter() - begun))
         # Infeasible on the way is an answer, with the limits in conflict; else there is a point, but no proof of it.
         if solution.status is Status.INFEASIBLE or last is None:
             return solution
@@ -149,27 +171,37 @@ def _mended(
         slacks={},
         detail="slowed down until every limit was proved",
     )
-    return _finished(problem, slowed, mended, time.perf_counter(), found)
+    return _finished(problem, scalarisation, slowed, mended, time.perf_counter(), found)
 
 
-def _settled(problem: Problem, solution: Solution) -> Solution:
+def _settled(problem: Problem, scalarisation: Scalarisation, solution: Solution) -> Solution:
     """The solution with its auxiliary variables at what its curve really has, where that is proved as well."""
     if problem.settle is None:
         return solution
-    found = _finished(problem, solution, problem.settle(solution.x), time.perf_counter())
+    found = _finished(problem, scalarisation, solution, problem.settle(solution.x), time.perf_counter())
     proved = found.audit is not None and found.audit.proved
     return replace(found, seconds=solution.seconds) if proved else solution
 
 
-def _finished(problem: Problem, solution: Solution, x: Array, begun: float, checked: Audit | None = None) -> Solution:
+def _finished(
+    problem: Problem,
+    scalarisation: Scalarisation,
+    solution: Solution,
+    x: Array,
+    begun: float,
+    checked: Audit | None = None,
+) -> Solution:
     """A solution with its trajectory, objectives and audit."""
-    candidate = trajectory(problem, x)
+    candidate, objectives = trajectory(problem, x), evaluate_objectives(problem, x)
+    if variations(problem, scalarisation.names):  # of which the NLP's sum of steps may still fall short
+        exact = scalarisation.apply(problem, objectives)
+        solution = replace(solution, f=float(exact.f)) if exact.extra is None else solution
     return replace(
         solution,
         x=x,
         trajectory=candidate,
         audit=checked or audit(candidate, problem.requirements),
-        objectives=evaluate_objectives(problem, x),
+        objectives=objectives,
         seconds=time.perf_counter() - begun,
     )
 

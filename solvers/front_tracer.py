@@ -14,6 +14,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +73,9 @@ class FrontTracer:
             trace.fill() if len(objectives) == 2 else trace.lattice()
         except KeyboardInterrupt:
             interrupted = True
-        info = {"solves": trace.solves, "iterations": trace.iterations, "failed": trace.failed}
+        info: dict[str, Any] = {"solves": trace.solves, "iterations": trace.iterations, "failed": trace.failed}
+        if not trace.conflict:
+            info["conflict"] = False
         xs = [solution.x for solution in trace.solutions]
         return ParetoSet(xs, "trace", self.seed, time.perf_counter() - begun, info, interrupted)
 
@@ -90,6 +93,7 @@ class _Trace:
         self.solutions: list[Solution] = []
         self.values = np.empty((0, len(objectives)))
         self.solves = self.iterations = self.failed = 0
+        self.conflict = True
 
     def ends(self) -> None:
         """The best point of each objective, with the others inside the reference box."""
@@ -100,7 +104,8 @@ class _Trace:
                 if n != name and n in self.problem.reference_point
             }
             scalar = EpsilonConstraint(name, bounds, augmentation=1e-6)
-            start = Multistart(self.tracer.solver, self.tracer.starts, self.tracer.seed + k)
+            starts = max(self.tracer.starts, self.problem.starts)
+            start = Multistart(self.tracer.solver, starts, self.tracer.seed + k)
             solution = start.solve(self.problem, scalar)
             self._count(solution)
             if not solution.ok:
@@ -110,8 +115,12 @@ class _Trace:
     def fill(self) -> None:
         """Halves the widest gap until there are enough points or no gap is left."""
         span = np.ptp(self.values, axis=0)
-        if (span <= FLAT * np.abs(self.values).max(axis=0)).any():
-            return  # the ends are one point: there is nothing to trade
+        flat = span <= FLAT * np.abs(self.values).max(axis=0)
+        if flat.any():  # there is nothing to trade: the end that is better where they differ is best in both
+            best = int(np.argmin(self.values[:, ~flat].sum(axis=1)))
+            self.solutions, self.values = [self.solutions[best]], self.values[[best]]
+            self.conflict = False
+            return
         closed: set[tuple[float, float]] = set()  # gaps in which nothing new was found
         while len(self.solutions) < self.tracer.points and time.perf_counter() < self.deadline:
             order = np.argsort(self.values[:, 0])

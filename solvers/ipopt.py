@@ -134,10 +134,12 @@ class Ipopt:
             "ipopt": self._settings(bool(multipliers)),
         }
         program: Any = {"x": nlp.x, "f": nlp.f, "g": nlp.g}
-        solver = casadi.nlpsol("solver", "ipopt", program, options)
         # CasADi forgets the derivatives of a function with the last solver that uses them, and making them anew is most
         # of the work of a small NLP: the solver stays alive until the next one has been built.
-        nlp.memory["solver"] = solver
+        known, settings, solver = nlp.memory.get("solver", (None, None, None))
+        if known is not nlp or settings != options:
+            solver = casadi.nlpsol("solver", "ipopt", program, options)
+            nlp.memory["solver"] = nlp, options, solver
         bounds = {"lbx": nlp.lower_x, "ubx": nlp.upper_x, "lbg": nlp.lower_g, "ubg": nlp.upper_g}
         with _interrupts() as interrupted:
             result = solver(x0=x0, **bounds, **multipliers)

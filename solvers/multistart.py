@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.nlp import Solution, Status
+from ocp_traj.optima import distinct
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.scalarise import Scalarisation
 from ocp_traj.solvers.exchange import Exchange
 
 Array = NDArray[np.float64]
+
+ONE_POINT = 1e-6  # of the variables' size: our choice, far above the solver's tolerance
 
 
 @dataclass(frozen=True)
@@ -26,12 +29,15 @@ class Multistart:
         solver: of one start.
         starts: how many.
         seed: of the starting points.
+        all_optima: whether the solution lists every distinct local optimum. The first NLP is then built once, and
+            starts that it leads to one point share what follows, so that hundreds of starts are affordable.
         progress: told after each start.
     """
 
     solver: Exchange = field(default_factory=Exchange)
     starts: int = 1
     seed: int = 0
+    all_optima: bool = False
     progress: Progress = silent
 
     def points(self, problem: Problem) -> list[Array]:
@@ -41,9 +47,10 @@ class Multistart:
     def solve_all(self, problem: Problem, scalarisation: Scalarisation) -> list[Solution]:
         """One solution a start; Ctrl-C ends it early with those it has."""
         solutions: list[Solution] = []
+        one_start = self._shared(problem, scalarisation) if self.all_optima else self.solver.solve
         for i, x0 in enumerate(self.points(problem)):
             try:
-                solutions.append(self.solver.solve(problem, scalarisation, x0))
+                solutions.append(one_start(problem, scalarisation, x0))
             except KeyboardInterrupt:
                 if not solutions:
                     raise
@@ -55,8 +62,26 @@ class Multistart:
     def solve(self, problem: Problem, scalarisation: Scalarisation) -> Solution:
         """The best of all starts: proved before unproved, then the smaller value."""
         begun = time.perf_counter()
-        best = best_of(self.solve_all(problem, scalarisation))
-        return replace(best, seconds=time.perf_counter() - begun)
+        solutions = self.solve_all(problem, scalarisation)
+        optima = distinct(problem, solutions) if self.all_optima else ()
+        return replace(best_of(solutions), seconds=time.perf_counter() - begun, optima=optima)
+
+    def _shared(self, problem: Problem, scalarisation: Scalarisation) -> Callable[..., Solution]:
+        """``Exchange.solve``, but for starts whose first NLP leads to a point that an earlier start's has led to."""
+        nlp = self.solver.opening(problem, scalarisation)
+        known: list[tuple[Solution, Solution]] = []
+
+        def solve(problem: Problem, scalarisation: Scalarisation, x0: Array) -> Solution:
+            opened = self.solver.solver.solve(nlp, nlp.start(x0))
+            for other, solution in known:
+                if opened.ok and np.abs(opened.x - other.x).max() <= ONE_POINT * (1.0 + np.abs(other.x).max()):
+                    return solution
+            solution = self.solver.solve(problem, scalarisation, x0, opened=opened)
+            if opened.ok:
+                known.append((opened, solution))
+            return solution
+
+        return solve
 
 
 def best_of(solutions: Sequence[Solution]) -> Solution:
