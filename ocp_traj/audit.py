@@ -18,6 +18,7 @@ from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.errors import InputError
 from ocp_traj.prover import Prover
 from ocp_traj.requirements import ORDERS, PointConstraint, Requirements, derivative_order
+from ocp_traj.swept import SweptProver
 from ocp_traj.tape import Tape
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.verdicts import ALLOWANCE, CHECKED, VIOLATED, Audit, AuditRow
@@ -72,7 +73,8 @@ def audit_all(
     # Numbers may overflow on the way; what is not a number is never taken for a proof.
     with np.errstate(all="ignore"):
         for limit in requirements.path_constraints:
-            prover = Prover(trajectories, requirements, limit, allowance, tightness, max_arcs)
+            chosen = SweptProver if limit.sweep else Prover
+            prover = chosen(trajectories, requirements, limit, allowance, tightness, max_arcs)
             for index, found in enumerate(prover.run()):
                 rows[index].extend(found)
         for point in requirements.point_constraints:

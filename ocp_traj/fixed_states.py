@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ocp_traj.nlp import Conflict, Row
 from ocp_traj.problem import Problem
-from ocp_traj.requirements import ORDERS, PathConstraint
+from ocp_traj.requirements import ORDERS, SWEEP, PathConstraint
 
 Array = NDArray[np.float64]
 
@@ -47,12 +47,13 @@ def fixed_values(problem: Problem) -> list[FixedValue]:
         state = [casadi.densify(curve.at(segment, u, order).T) for order in range(len(ORDERS))]
         for limit in problem.requirements.path_constraints:
             constants = [] if limit.constants is None else limit.constants[segment]
-            values = problem.requirements.function(limit)(casadi.vertcat(*state), u, p, casadi.DM(constants))
-            for row in range(len(limit.labels)):
-                value = values[row]
-                if not casadi.depends_on(value, x):
-                    function = casadi.Function("fixed", [p], [value])
-                    found.append(FixedValue(limit, row, segment, u, function))
+            for place in [casadi.vertcat(u, s) for s in SWEEP] if limit.sweep else [u]:
+                values = problem.requirements.function(limit)(casadi.vertcat(*state), place, p, casadi.DM(constants))
+                for row in range(len(limit.labels)):
+                    value = values[row]
+                    if not casadi.depends_on(value, x):
+                        function = casadi.Function("fixed", [p], [value])
+                        found.append(FixedValue(limit, row, segment, u, function))
     return found
 
 

@@ -32,6 +32,7 @@ class Row:
         instant: local time in [0, 1] at the point of transcription.
         unit: of the row's value before scaling.
         scale: the row is the limit's value divided by this.
+        sweep: where along the sweep of a swept limit.
         defines: the row only says what an extra variable is; it can always be met and is in nobody's way.
     """
 
@@ -42,6 +43,7 @@ class Row:
     unit: str = ""
     scale: float = 1.0
     defines: bool = False
+    sweep: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

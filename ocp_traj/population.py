@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ocp_traj.bernstein import basis, difference_matrix
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
-from ocp_traj.requirements import ORDERS, PathConstraint
+from ocp_traj.requirements import ORDERS, SWEEP, PathConstraint
 from ocp_traj.symbolic import (
     curve_function,
     integrand_function,
@@ -141,6 +141,9 @@ def _violation(limit: PathConstraint, nodes: _Nodes, tape: Tape, states: Array, 
     """Largest excess of each row over the nodes, in units of the limit's scale: ``(rows, N)``."""
     if limit.order is not None:
         values = states[limit.order]
+    elif limit.sweep:
+        swept = [_over_nodes(tape, states, nodes, parameters, limit.constants, s) for s in SWEEP]
+        values = np.concatenate(swept, axis=1)
     else:
         values = _over_nodes(tape, states, nodes, parameters, limit.constants)
     scale = limit.scale[:, None]
@@ -148,9 +151,14 @@ def _violation(limit: PathConstraint, nodes: _Nodes, tape: Tape, states: Array, 
     return np.asarray(np.maximum(high - limit.upper[:, None], limit.lower[:, None] - low) / scale)
 
 
-def _over_nodes(tape: Tape, states: Array, nodes: _Nodes, parameters: Array, constants: Array | None) -> Array:
+def _over_nodes(
+    tape: Tape, states: Array, nodes: _Nodes, parameters: Array, constants: Array | None, s: float | None = None
+) -> Array:
     """Runs a state function's tape over nodes and individuals together: ``(rows, M, N)``."""
     m, n = states.shape[2:]
     p = np.tile(parameters, (1, m))
     c = np.zeros((0, m * n)) if constants is None else np.repeat(constants[nodes.segment].T, n, axis=1)
-    return tape.evaluate(states.reshape(-1, m * n), np.repeat(nodes.u, n)[None], p, c)[0].reshape(-1, m, n)
+    place = np.repeat(nodes.u, n)[None]
+    if s is not None:
+        place = np.concatenate([place, np.full_like(place, s)])
+    return tape.evaluate(states.reshape(-1, m * n), place, p, c)[0].reshape(-1, m, n)

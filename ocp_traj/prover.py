@@ -40,10 +40,10 @@ def curvature_function(requirements: Requirements, limit: PathConstraint) -> Any
     dof, function = requirements.dof, requirements.function(limit)
     orders = len(ORDERS) + 2
     x = casadi.SX.sym("x", orders * dof)
-    u, rate = casadi.SX.sym("u"), casadi.SX.sym("rate")
+    u, rate = casadi.SX.sym("u", function.numel_in(1)), casadi.SX.sym("rate")  # the sweep, if any, stays
     p, c = casadi.SX.sym("p", function.numel_in(2)), casadi.SX.sym("c", function.numel_in(3))
     base = casadi.vertcat(x[: (orders - 1) * dof], u)
-    motion = casadi.vertcat(x[dof:], rate)
+    motion = casadi.vertcat(x[dof:], rate, casadi.SX.zeros(u.numel() - 1))
     first = casadi.jtimes(function(x[: len(ORDERS) * dof], u, p, c), base, motion)
     second = casadi.cse(casadi.jtimes(first, base, motion))
     return casadi.Function("curvature", [x, u, p, c, rate], [casadi.densify(second)])

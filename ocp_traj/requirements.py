@@ -19,6 +19,7 @@ from ocp_traj.errors import ProblemDefinitionError
 Array = NDArray[np.float64]
 Points = tuple[tuple[int, float], ...]  # (segment, local time u) pairs; a negative segment counts from the end
 
+SWEEP = np.linspace(0.0, 1.0, 17)  # where swept limits are looked at by what looks at samples: our choice
 ORDERS = ("q", "v", "a", "jerk", "snap")  # time derivatives a limit may depend on
 
 
@@ -30,6 +31,7 @@ class State(NamedTuple):
         u: local time in [0, 1] on the segment.
         p: the problem's global parameters ``(n_p,)``, such as a payload.
         c: constants of the limit on this segment ``(n_c,)``, such as a seam's polynomial.
+        s: sweep in [0, 1] of a swept limit, such as the place along a link; None for other limits.
     """
 
     q: Any
@@ -40,25 +42,29 @@ class State(NamedTuple):
     u: Any
     p: Any
     c: Any
+    s: Any = None
 
 
 Expression = Callable[[State], Any]
 
 
-def _symbols(dof: int, parameters: int, constants: int) -> tuple[State, list[Any]]:
+def _symbols(dof: int, parameters: int, constants: int, sweep: bool) -> tuple[State, list[Any]]:
     stacked = casadi.SX.sym("x", dof * len(ORDERS))
-    u, p, c = casadi.SX.sym("u"), casadi.SX.sym("p", parameters), casadi.SX.sym("c", constants)
+    place, p, c = casadi.SX.sym("u", 1 + sweep), casadi.SX.sym("p", parameters), casadi.SX.sym("c", constants)
     q, v, a, jerk, snap = casadi.vertsplit(stacked, dof)
-    return State(q, v, a, jerk, snap, u, p, c), [stacked, u, p, c]
+    return State(q, v, a, jerk, snap, place[0], p, c, place[1] if sweep else None), [stacked, place, p, c]
 
 
-def state_function(name: str, expression: Expression, dof: int, parameters: int, constants: int = 0) -> Any:
+def state_function(
+    name: str, expression: Expression, dof: int, parameters: int, constants: int = 0, sweep: bool = False
+) -> Any:
     """Compiles an expression of the state.
 
     Returns:
-        casadi SX Function (stacked derivatives ``(5 dof,)``, u, p, c) -> ``(rows,)``.
+        casadi SX Function (stacked derivatives ``(5 dof,)``, u, p, c) -> ``(rows,)``; (u, s) in place of u for a swept
+        one.
     """
-    state, inputs = _symbols(dof, parameters, constants)
+    state, inputs = _symbols(dof, parameters, constants, sweep)
     try:
         value = casadi.densify(casadi.SX(expression(state)))
     except Exception as error:  # an expression is the user's code: name the limit it belongs to
@@ -86,6 +92,7 @@ class PathConstraint:
         eq: equation or table of the source.
         order: set where g is the ``order``-th derivative itself, so that hulls and extrema are exact.
         constants: per segment ``(K, n_c)``, reaching the expression as ``state.c``.
+        sweep: whether it depends on ``state.s`` and has to hold for all s in [0, 1] as well.
     """
 
     id: str
@@ -97,9 +104,12 @@ class PathConstraint:
     eq: str = ""
     order: int | None = None
     constants: Array | None = None
+    sweep: bool = False
 
     def __post_init__(self) -> None:
         """Checks shapes and bounds."""
+        if self.sweep and self.order is not None:
+            raise ProblemDefinitionError(f"limit {self.id!r}: a derivative of the joints has no sweep; leave order out")
         rows = len(self.labels)
         for name in ("lower", "upper"):
             try:
@@ -253,7 +263,7 @@ class Requirements:
             constants = getattr(limit, "constants", None)
             width = 0 if constants is None else constants.shape[1]
             self._functions[limit.id] = state_function(
-                limit.id, limit.expression, self.dof, len(self.parameters), width
+                limit.id, limit.expression, self.dof, len(self.parameters), width, getattr(limit, "sweep", False)
             )
         return self._functions[limit.id]
 
@@ -270,5 +280,5 @@ class Requirements:
 
     def continuous(self, limit: PathConstraint) -> bool:
         """Whether the limit has the same value on both sides of an inner knot."""
-        uses_local_time = self.function(limit).jac_sparsity(0, 1).nnz() > 0
+        uses_local_time = 0 in self.function(limit).jac_sparsity(0, 1).get_triplet()[1]
         return self.order(limit) <= self.continuity and limit.constants is None and not uses_local_time

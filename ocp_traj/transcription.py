@@ -24,6 +24,7 @@ from ocp_traj.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+FEW_SWEEPS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a swept limit in the first grid: our choice
 BACK_OFF = 1e-9  # tightening of every path limit, in its own scale: our choice; it costs about 2e-9 of an objective
 
 
@@ -40,6 +41,8 @@ class Instant:
         rows: indices of the limit's rows, None for all.
         slope: s ``(n,)``, or None for an instant that stays.
         anchor: x_0 ``(n,)``.
+        sweep: of a swept limit, s_0.
+        sweep_slope: of s, like ``slope``.
     """
 
     limit: str
@@ -48,6 +51,8 @@ class Instant:
     rows: tuple[int, ...] | None = None
     slope: Array | None = None
     anchor: Array | None = None
+    sweep: float = 0.0
+    sweep_slope: Array | None = None
 
 
 def trajectory(problem: Problem, x: ArrayLike) -> Trajectory:
@@ -106,7 +111,9 @@ def _grid(problem: Problem, count: Callable[[int, PathConstraint], int]) -> Iter
             number = count(k, limit)
             for u in np.linspace(0.0, 1.0, number) if number > 1 else [0.5]:
                 if not (shared and u == 1.0 and k < segments - 1):
-                    yield Instant(limit.id, k, float(u))
+                    yield from (
+                        Instant(limit.id, k, float(u), sweep=s) for s in (FEW_SWEEPS if limit.sweep else (0.0,))
+                    )
 
 
 def transcribe(
@@ -241,12 +248,20 @@ def _path_rows(
         lower.append(low[i])
         upper.append(high[i])
         rows.append(
-            Row(limit.id, limit.labels[i], members[j].segment, members[j].u, limit.units[i], float(limit.scale[i]))
-        )
+            Row(
+                limit.id, limit.labels[i], members[j].segment, members[j].u, limit.units[i], float(limit.scale[i]),
+                sweep=members[j].sweep,
+            )
+        )  # fmt: skip
 
 
-def limit_values(curve: SymbolicCurve, limit: PathConstraint, members: Sequence[Instant], u: Any = None) -> Any:
-    """MX expression of a path limit at instants: ``(rows, instants)``; ``u`` replaces the instants' own local times."""
+def limit_values(
+    curve: SymbolicCurve, limit: PathConstraint, members: Sequence[Instant], u: Any = None, s: Any = None
+) -> Any:
+    """MX expression of a path limit at instants: ``(rows, instants)``.
+
+    ``u`` and ``s`` replace the instants' own local times and places along the sweep.
+    """
     problem = curve.problem
     local = casadi.vertcat(*(_local_time(m, curve.x) for m in members)) if u is None else u
     states = states_at(curve, [m.segment for m in members], local)
@@ -256,14 +271,25 @@ def limit_values(curve: SymbolicCurve, limit: PathConstraint, members: Sequence[
         return states[limit.order * dof : (limit.order + 1) * dof, :]
     constants = np.zeros((n, 0)) if limit.constants is None else limit.constants[[m.segment for m in members]]
     function = problem.requirements.function(limit)
-    return function.map(n)(states, local.T, casadi.repmat(curve.parameters, 1, n), casadi.MX(casadi.DM(constants.T)))
+    place = local.T
+    if limit.sweep:
+        along = casadi.vertcat(*(_along(m, curve.x) for m in members)) if s is None else s
+        place = casadi.vertcat(place, along.T)
+    return function.map(n)(states, place, casadi.repmat(curve.parameters, 1, n), casadi.MX(casadi.DM(constants.T)))
 
 
 def _local_time(instant: Instant, x: Any) -> Any:
-    if instant.slope is None:
-        return casadi.MX(instant.u)
-    assert instant.anchor is not None
-    moved = instant.u + casadi.dot(casadi.DM(instant.slope), x - casadi.DM(instant.anchor))
+    return _moved(instant.u, instant.slope, instant.anchor, x)
+
+
+def _along(instant: Instant, x: Any) -> Any:
+    return _moved(instant.sweep, instant.sweep_slope, instant.anchor, x)
+
+
+def _moved(start: float, slope: Array | None, anchor: Array | None, x: Any) -> Any:
+    if slope is None or anchor is None:
+        return casadi.MX(start)
+    moved = start + casadi.dot(casadi.DM(slope), x - casadi.DM(anchor))
     return casadi.fmin(casadi.fmax(moved, 0.0), 1.0)
 
 

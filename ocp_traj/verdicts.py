@@ -26,6 +26,7 @@ class AuditRow:
         margin: distance of ``proved_bound`` to ``bound`` as a fraction of the limit's scale; > 0 when satisfied.
         verdict: ``proved``, ``violated``, ``undecided``; ``checked`` for point constraints and continuity.
         boxes: how many boxes of states the proof took.
+        sweep: of a swept limit, where along it in [0, 1].
     """
 
     limit: str
@@ -38,6 +39,7 @@ class AuditRow:
     margin: float
     verdict: str
     boxes: int
+    sweep: float | None = None
 
 
 @dataclass(frozen=True)

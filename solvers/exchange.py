@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+
 import casadi
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +24,9 @@ from ocp_traj.progress import Progress, silent
 from ocp_traj.requirements import PathConstraint
 from ocp_traj.scalarise import Scalarisation
 from ocp_traj.solvers.ipopt import Ipopt
-from ocp_traj.solvers.peaks import frozen, moving, peak_function, where
+from ocp_traj.solvers.peaks import along, frozen, moving, peak_function, where
 from ocp_traj.solvers.repair import largest_excess, slow_down
+from ocp_traj.solvers.swept_peaks import sharpened_sweep, swept_peaks
 from ocp_traj.solvers.turning import turned
 from ocp_traj.symbolic import evaluate_objectives, variations
 from ocp_traj.trajectory import Trajectory
@@ -229,6 +231,9 @@ def _peaks(problem: Problem, limit: PathConstraint, candidate: Trajectory, back_
     u = np.linspace(0.0, 1.0, SCAN)
     members: list[Instant] = []
     for k in range(candidate.curve.segments):
+        if limit.sweep:
+            members += swept_peaks(problem, limit, k, candidate, back_off)
+            continue
         values = limit_on(candidate, problem.requirements, limit, k, u) / limit.scale[:, None]
         excess = np.maximum(values - high[:, None], low[:, None] - values)
         left = np.pad(excess[:, :-1], ((0, 0), (1, 0)), constant_values=-np.inf)
@@ -246,6 +251,8 @@ def _sharpened(
     """Moves instants onto their peaks by Newton's method on g_u = 0; keeps those where the limit is broken."""
     if not members:
         return []
+    if limit.sweep:
+        return sharpened_sweep(problem, limit, members, x, back_off)
     derivatives = peak_function(problem, limit, members)
     rows = np.array([m.rows[0] for m in members if m.rows])
     low, high = (bound[rows] for bound in _scaled_bounds(limit, back_off))
@@ -298,7 +305,7 @@ def _merge(
                 peak.segment,
                 peak.rows,
             ) and old.anchor is not None
-            if same and abs(where(old, x) - peak.u) < NEAR:
+            if same and abs(where(old, x) - peak.u) < NEAR and abs(along(old, x) - peak.sweep) < NEAR:
                 limit, row = _limit(problem, peak), (peak.rows or (0,))[0]
                 renamed[_row(limit, peak, row)] = _row(limit, old, row)
                 merged[i] = peak
@@ -313,4 +320,5 @@ def _limit(problem: Problem, instant: Instant) -> PathConstraint:
 
 
 def _row(limit: PathConstraint, instant: Instant, i: int) -> Row:
-    return Row(limit.id, limit.labels[i], instant.segment, instant.u, limit.units[i], float(limit.scale[i]))
+    scale = float(limit.scale[i])
+    return Row(limit.id, limit.labels[i], instant.segment, instant.u, limit.units[i], scale, sweep=instant.sweep)

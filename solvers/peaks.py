@@ -51,11 +51,18 @@ def moving(instant: Instant, guu: float, gux: Array, x: Array) -> Instant:
 
 def where(instant: Instant, x: Array) -> float:
     """Local time of an instant at x."""
-    if instant.slope is None or instant.anchor is None:
-        return instant.u
-    return float(np.clip(instant.u + instant.slope @ (x - instant.anchor), 0.0, 1.0))
+    return _moved(instant.u, instant.slope, instant.anchor, x)
+
+
+def along(instant: Instant, x: Array) -> float:
+    """Place along the sweep of an instant at x."""
+    return _moved(instant.sweep, instant.sweep_slope, instant.anchor, x)
+
+
+def _moved(start: float, slope: Array | None, anchor: Array | None, x: Array) -> float:
+    return start if slope is None or anchor is None else float(np.clip(start + slope @ (x - anchor), 0.0, 1.0))
 
 
 def frozen(instant: Instant, x: Array) -> Instant:
     """The instant where it now is; that it has an anchor still tells it from the grid's."""
-    return replace(instant, u=where(instant, x), slope=None)
+    return replace(instant, u=where(instant, x), slope=None, sweep=along(instant, x), sweep_slope=None)

@@ -250,7 +250,7 @@ class Direct:
         derivatives = [curve.derivative(order)(t) if order else curve(t) for order in range(5)]
         numbers = [*derivatives, u, self.p, constants]
         if expression not in self._compiled:
-            state = State(*(ca.SX.sym(name, np.size(n)) for name, n in zip(State._fields, numbers, strict=True)))
+            state = State(*(ca.SX.sym(name, np.size(n)) for name, n in zip(State._fields, numbers, strict=False)))
             self._compiled[expression] = ca.Function("f", list(state), [ca.densify(ca.SX(expression(state)))])
         return np.array(self._compiled[expression](*numbers)).ravel()
 
