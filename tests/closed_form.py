@@ -251,7 +251,9 @@ class Direct:
         numbers = [*derivatives, u, self.p, constants]
         if expression not in self._compiled:
             state = State(*(ca.SX.sym(name, np.size(n)) for name, n in zip(State._fields, numbers, strict=False)))
-            self._compiled[expression] = ca.Function("f", list(state), [ca.densify(ca.SX(expression(state)))])
+            self._compiled[expression] = ca.Function(
+                "f", [part for part in state if part is not None], [ca.densify(ca.SX(expression(state)))]
+            )
         return np.array(self._compiled[expression](*numbers)).ravel()
 
     def objective(self, name: str) -> float:
