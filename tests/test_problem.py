@@ -204,10 +204,13 @@ def test_a_limit_is_continuous_at_knots_if_it_sees_only_what_is(limit: PathConst
 
 
 def test_state_function_passes_every_part_of_the_state() -> None:
-    function = state_function("all", lambda s: ca.vertcat(*s), 2, 1, 3)
+    function = state_function("all", lambda s: ca.vertcat(*s[:-1]), 2, 1, 3)
     numbers = [np.arange(10.0), 0.5, [20.0], [31.0, 32.0, 33.0]]
     assert_array_equal(np.array(function(*numbers)).ravel(), [*range(10), 0.5, 20.0, 31.0, 32.0, 33.0])
-    assert State._fields == ("q", "v", "a", "jerk", "snap", "u", "p", "c")
+    assert State._fields == ("q", "v", "a", "jerk", "snap", "u", "p", "c", "s")
+    swept = state_function("all", lambda s: ca.vertcat(*s), 2, 1, 3, sweep=True)
+    numbers[1] = [0.5, 0.25]
+    assert_array_equal(np.array(swept(*numbers)).ravel(), [*range(10), 0.5, 20.0, 31.0, 32.0, 33.0, 0.25])
 
 
 # --- problem ---
