@@ -138,7 +138,8 @@ def transcribe(
         g.append(value)
         lower.append(-np.inf)
         upper.append(bound)
-        rows.append(Row(name, "", unit=objective.unit, scale=objective.scale))
+        label = "bound" if any(row.limit == name for row in rows) else ""  # the goal of an objective, then its bound
+        rows.append(Row(name, label, unit=objective.unit, scale=objective.scale))
     extra = [] if scalar.extra is None else [scalar.extra]
     unbounded = np.full(len(extra), np.inf)
     return NLP(
