@@ -6,6 +6,7 @@ Results go to stdout, as tables or, with ``--json``, as one JSON object; progres
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Sequence
 from math import isfinite
@@ -14,7 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ocp_traj import api, problems, screen
+from ocp_traj import __version__, api, problems, screen
 from ocp_traj.audit import audit as run_audit
 from ocp_traj.errors import InputError, OcpTrajError
 from ocp_traj.export import export as run_export
@@ -32,7 +33,7 @@ DONE, NOT_PROVED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 app = typer.Typer(
     help="Robot trajectories that are optimal and proved to keep every limit at every instant.",
     add_completion=False,
-    no_args_is_help=True,
+    invoke_without_command=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
@@ -43,6 +44,20 @@ Fields = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
+
+
+@app.callback()
+def start(
+    context: typer.Context, version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False
+) -> int:
+    """Robot trajectories that are optimal and proved to keep every limit at every instant."""
+    if version:
+        print(f"ocp-traj {__version__}")
+        raise typer.Exit(DONE)
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+        raise typer.Exit(WRONG_INPUT)
+    return DONE
 
 
 @app.command("problems")
@@ -258,7 +273,8 @@ def export(
     Example: ocp-traj export fast.json --format ros
     """
     suffix = {"ros": ".ros.yaml"}.get(format, f".export.{format}")
-    target = output or source.with_name(source.stem + suffix)
+    place = source if source.name else source.resolve()  # `.` has no name of its own
+    target = output or place.with_name(place.stem + suffix)
     written = run_export(source, format, target, samples=samples)
     screen.show(screen.Sheet({"written": str(written), "format": format}, []), json)
     screen.say(f"written: {written}")
@@ -315,11 +331,15 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except OcpTrajError as error:
         screen.say(f"error: {error}")
         return WRONG_INPUT if isinstance(error, InputError) else NOT_PROVED
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, typer.Abort):
         screen.say("interrupted")
         return INTERRUPTED
-    except (typer.Exit, typer.Abort) as stop:
-        return int(getattr(stop, "exit_code", INTERRUPTED))
+    except typer.Exit as stop:
+        return int(stop.exit_code)
+    except OSError as error:  # files of ours raise OcpTrajError: what is left is stdout, full or closed
+        sys.stdout = open(os.devnull, "w")  # what could not be written is not tried again at exit
+        screen.say(f"error: cannot write the result: {error.strerror or error}")
+        return NOT_PROVED
     except usage_error as error:
         words = error.format_message() if hasattr(error, "format_message") else str(error)
         if words:
