@@ -329,8 +329,11 @@ def run(arguments: Sequence[str] | None = None) -> int:
             args=None if arguments is None else list(arguments), prog_name="ocp-traj", standalone_mode=False
         )
     except OcpTrajError as error:
+        code = WRONG_INPUT if isinstance(error, InputError) else NOT_PROVED
+        if "--json" in (sys.argv[1:] if arguments is None else arguments):
+            screen.show(screen.Sheet({"error": str(error), "exit_code": code}, []), json=True)
         screen.say(f"error: {error}")
-        return WRONG_INPUT if isinstance(error, InputError) else NOT_PROVED
+        return code
     except (KeyboardInterrupt, typer.Abort):
         screen.say("interrupted")
         return INTERRUPTED

@@ -1,5 +1,6 @@
 """The command line as a process: version, no arguments, and a stdout that cannot be written."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -39,3 +40,11 @@ def test_exporting_the_folder_one_stands_in_needs_no_name(
     monkeypatch.chdir(tmp_path)
     assert run(["export", ".", "--format", "csv"]) == 2
     assert capfd.readouterr().err.startswith("error: cannot read the front file")
+
+
+def test_an_error_is_a_json_object_where_json_was_asked_for(capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["solve", "hybrid-spline", "--objective", "speed", "--json"]) == 2
+    shown = capfd.readouterr()
+    found = json.loads(shown.out)
+    assert found["exit_code"] == 2 and "speed" in found["error"]
+    assert shown.err == f"error: {found['error']}\n"
