@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -93,6 +93,19 @@ class Objective:
             raise ProblemDefinitionError(f"objective {self.id!r}: scale {self.scale}; it must be positive")
 
 
+@dataclass(frozen=True, eq=False)
+class Decomposition:
+    """A recipe that solves parts of a problem alone and puts them together, whatever that does to the limits.
+
+    Attributes:
+        parts: problems with variables of the same kind each.
+        combine: the parts' decision vectors -> x of the whole.
+    """
+
+    parts: tuple[Problem, ...]
+    combine: Callable[[Sequence[Array]], Array]
+
+
 TRAPEZOID = ((0.0, 0.5), (1.0, 0.5))
 MIDPOINT = ((0.5, 1.0),)
 
@@ -115,6 +128,7 @@ class Problem:
         dilate: (x, s) -> x of the same path s times slower, where the problem allows it.
         default_objective: what ``solve`` minimises when not told.
         reference_point: per objective, the worst value worth having: it bounds a front and its hypervolume.
+        decomposition: solve by parts, as a paper does, in place of the whole.
     """
 
     id: str
@@ -132,6 +146,7 @@ class Problem:
     dilate: Callable[[Array, float], Array] | None = None
     default_objective: str = ""
     reference_point: Mapping[str, float] = field(default_factory=dict)
+    decomposition: Decomposition | None = None
     _functions: dict[str, Any] = field(default_factory=dict, repr=False, init=False)
 
     def __post_init__(self) -> None:
