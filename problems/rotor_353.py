@@ -138,6 +138,111 @@ def robot() -> Robot:
     )
 
 
+# Table 1 [m], modified Denavit-Hartenberg; row 4 prints a = 1.1.
+A1, A2, A3, D4, BASE = 0.075, 0.84, 0.195, 1.1, 0.45
+SINGULAR = 1e-9  # of the reach, and of a sine: closer to a singularity, angles are not determined; our choice
+
+
+def dh_angles(q: ArrayLike) -> Array:
+    """Theta of Table 1's Denavit-Hartenberg rows from the pendant's angles ``(N, 6)`` [rad]."""
+    j = np.atleast_2d(np.asarray(q, dtype=float))
+    turned = np.stack([j[:, 0], j[:, 1] - np.pi / 2, -(j[:, 1] + j[:, 2]), -j[:, 3], -j[:, 4], -j[:, 5]], axis=1)
+    return np.asarray(turned)
+
+
+def pendant_angles(theta: ArrayLike) -> Array:
+    """The pendant's angles from theta of Table 1's rows ``(N, 6)`` [rad]; the inverse of ``dh_angles``."""
+    t = np.atleast_2d(np.asarray(theta, dtype=float))
+    second = t[:, 1] + np.pi / 2
+    return np.asarray(np.stack([t[:, 0], second, -t[:, 2] - second, -t[:, 3], -t[:, 4], -t[:, 5]], axis=1))
+
+
+def _rows(theta: Array, first: int, last: int) -> Array:
+    """Product of Table 1's transforms first .. last, by (1): ``(N, 4, 4)``."""
+    rows = ((0.0, 0.0, BASE), (A1, -1.0, 0.0), (A2, 0.0, 0.0), (A3, -1.0, D4), (0.0, 1.0, 0.0), (0.0, -1.0, FLANGE))
+    product = np.broadcast_to(np.eye(4), (len(theta), 4, 4))
+    for i in range(first, last):
+        a, sine, d = rows[i]
+        cosine = 1.0 - abs(sine)  # the twists are 0 and +-90 deg
+        c, s, zero, one = np.cos(theta[:, i]), np.sin(theta[:, i]), np.zeros(len(theta)), np.ones(len(theta))
+        step = np.array([
+            [c, -s, zero, a * one],
+            [s * cosine, c * cosine, -sine * one, -d * sine * one],
+            [s * sine, c * sine, cosine * one, d * cosine * one],
+            [zero, zero, zero, one],
+        ])  # fmt: skip
+        product = product @ np.moveaxis(step, 2, 0)
+    return np.asarray(product)
+
+
+def forward_kinematics(q: ArrayLike) -> Array:
+    """Pose of the flange ``(N, 4, 4)`` [m] at the pendant's angles ``(N, 6)`` [rad]; (1), (2) with Table 1 corrected."""
+    return _rows(dh_angles(q), 0, 6)
+
+
+def inverse_kinematics(pose: ArrayLike) -> tuple[Array, tuple[str, ...]]:
+    """All configurations that put the flange at a pose; (3) recovers none, so this is a closed form of our own.
+
+    Args:
+        pose: of the flange ``(4, 4)`` [m].
+
+    Returns:
+        The pendant's angles ``(branches, 6)`` [rad], each within (-pi, pi] but for the third, and a name a branch:
+        shoulder ``front`` or ``back``, elbow ``up`` or ``down``, wrist ``unflipped`` or ``flipped``.
+
+    Raises:
+        InputError: the pose is no rigid motion or out of reach; or it is singular, and infinitely many solve it.
+    """
+    target = np.asarray(pose, dtype=float)
+    rotation = target[:3, :3] if target.shape == (4, 4) else np.zeros((3, 3))
+    if not np.isfinite(target).all() or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or _det(rotation) < 0.0:
+        raise InputError(
+            f"the pose of shape {target.shape} is no rigid motion; give a rotation and a position in (4, 4)"
+        )
+    p = target[:3, 3] - FLANGE * rotation[:, 2]
+    reach, length = float(np.hypot(p[0], p[1])), float(np.hypot(A3, D4))
+    if reach < SINGULAR:
+        raise InputError("the wrist is on axis 1, where joint 1 may be anything: a shoulder singularity; move the pose")
+    z = p[2] - BASE
+    found, names, least = [], [], np.inf
+    for shoulder, side in (("front", 1.0), ("back", -1.0)):
+        first, r = np.arctan2(side * p[1], side * p[0]), side * reach - A1
+        distance = float(np.hypot(r, z))
+        k = (distance**2 - A2**2 - length**2) / (2.0 * A2)
+        least = min(least, max(distance - (A2 + length), abs(A2 - length) - distance))
+        if abs(k) > length:
+            continue
+        for elbow, sign in (("up", 1.0), ("down", -1.0)):
+            third = np.arctan2(A3, D4) - np.arctan2(k, sign * np.sqrt(length**2 - k**2))
+            c, s = np.cos(third), np.sin(third)
+            m, n = A2 + A3 * c - D4 * s, A3 * s + D4 * c
+            second = np.arctan2(-z * m - r * n, r * m - z * n)
+            arm = _rows(np.array([[first, second, third, 0.0, 0.0, 0.0]]), 0, 3)[0, :3, :3]
+            hand = arm.T @ rotation
+            sine = float(np.hypot(hand[0, 2], hand[2, 2]))
+            if sine < SINGULAR:
+                raise InputError(
+                    "joints 4 and 6 are in line, only their sum is given: a wrist singularity; move the pose"
+                )
+            for wrist, turn in (("unflipped", 1.0), ("flipped", -1.0)):
+                fourth, sixth = (
+                    np.arctan2(turn * hand[2, 2], -turn * hand[0, 2]),
+                    np.arctan2(-turn * hand[1, 1], turn * hand[1, 0]),
+                )
+                found.append([first, second, third, fourth, np.arctan2(turn * sine, hand[1, 2]), sixth])
+                names.append(f"{shoulder} {elbow} {wrist}")
+    if not found:
+        raise InputError(f"the pose is out of reach: the wrist is {least:.6g} m too far from, or too near to, axis 2")
+    q = pendant_angles(found)
+    wrapped = np.arctan2(np.sin(q), np.cos(q))
+    wrapped[:, 2] = np.arctan2(np.sin(q[:, 1] + q[:, 2]), np.cos(q[:, 1] + q[:, 2])) - wrapped[:, 1]
+    return wrapped, tuple(names)
+
+
+def _det(rotation: Array) -> float:
+    return float(np.linalg.det(rotation))
+
+
 def via_points(case: ZhuWang) -> Array:
     """Table 2: the four points ``(4, 6)`` [rad]."""
     points = np.radians(np.array(TABLE_2).T)
@@ -252,6 +357,7 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
         requirements=Requirements(joints, ("rad",) * count, tuple(limits), (rest, via), ("payload",), continuity=2),
         guess=guess,
         dilate=lambda x, s: np.concatenate([np.asarray(x)[:3] * s, np.asarray(x)[3:]]),
+        scales_in_time=not free,
         decomposition=Decomposition(parts, lambda xs: np.max(xs, axis=0)) if parts else None,
     )
 
