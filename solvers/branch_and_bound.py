@@ -84,23 +84,24 @@ class BranchAndBound:
     def solve(self, problem: Problem, scalarisation: Scalarisation, x0: Array) -> Solution:
         """The shortest time, certified; ``x0`` starts the first local solve."""
         require_certifiable(problem, scalarisation)
-        return self.improve(problem, scalarisation, self.solver.solve(problem, scalarisation, x0))
+        found = self.solver.solve(problem, scalarisation, x0)
+        proved = found.audit is not None and found.audit.proved
+        return self.improve(problem, scalarisation, found) if proved else found
 
     def improve(self, problem: Problem, scalarisation: Scalarisation, solution: Solution) -> Solution:
         """The solution with its certificate, or a better one that the search led to, with its own."""
         for _ in range(RESTARTS):
-            certificate, better = self.certify(problem, scalarisation, solution)
-            certified = replace(solution, certificate=certificate)
+            certificate, better = self.certify(problem, scalarisation, solution, until_better=True)
             if better is None:
-                return certified
+                return replace(solution, certificate=certificate)
             again = self.solver.solve(problem, scalarisation, better)
             if again.audit is None or not again.audit.proved or again.f >= solution.f:
-                return certified  # what limits that do not scale leave of the better point is no better
+                break  # the better point led nowhere: the search has to go on beside it
             solution = again
-        return certified
+        return replace(solution, certificate=self.certify(problem, scalarisation, solution)[0])
 
     def certify(
-        self, problem: Problem, scalarisation: Scalarisation, solution: Solution
+        self, problem: Problem, scalarisation: Scalarisation, solution: Solution, until_better: bool = False
     ) -> tuple[Certificate, Array | None]:
         """Bounds the shortest time from below.
 
@@ -108,6 +109,7 @@ class BranchAndBound:
             problem: whose variables are durations; see ``Problem.scales_in_time``.
             scalarisation: of the total time alone.
             solution: a proved one: the upper bound.
+            until_better: whether to stop at a point that may take less time.
 
         Returns:
             The certificate, and a decision vector that may lead to less time, if one was come upon.
@@ -124,6 +126,8 @@ class BranchAndBound:
             search.step()
             lower = search.lower
             self.progress(search.boxes, 0, f"{len(search.low)} boxes open, gap {(upper - lower) / upper:.2e}")
+            if until_better and search.better() is not None:
+                break
         lower = min(search.lower, upper)
         certificate = Certificate(
             lower=lower,

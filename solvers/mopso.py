@@ -36,6 +36,17 @@ class _Given(Sampling):  # type: ignore[misc]  # pymoo is untyped
         return self.points[:n_samples]
 
 
+class _Competitive(CMOPSO):  # type: ignore[misc]  # pymoo is untyped
+    """pymoo's, with its archive's tournaments drawn from the algorithm's generator: left alone, they ignore the seed."""
+
+    def _setup(self, problem: Any, **kwargs: Any) -> None:
+        super()._setup(problem, **kwargs)
+        survival = self.elites.truncation.survival
+        self.elites.truncation = lambda pop, count: survival.do(
+            problem, pop, n_survive=count, random_state=self.random_state
+        )
+
+
 VARIANTS = ("competitive", "crowding")
 
 
@@ -81,6 +92,8 @@ class MOPSO:
                 pop_size=self.population, sampling=_Given(start), archive_size=self.archive, seed=self.seed
             )
         else:
-            algorithm = CMOPSO(pop_size=self.population, sampling=start, elite_size=max(10, self.population // 10))
+            algorithm = _Competitive(
+                pop_size=self.population, sampling=start, elite_size=max(10, self.population // 10)
+            )
         run = evolve(algorithm, target, self.generations, self.seed, self.max_seconds, self.progress)
         return front_of(run, target, problem, "mopso", self.seed, self.population, self.generations)
