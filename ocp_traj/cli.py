@@ -278,7 +278,9 @@ def audit(
 @app.command()
 def reproduce(
     problem: ProblemName,
-    seeds: Annotated[int, typer.Option(help="Runs of the paper's stochastic method.", min=1)] = 3,
+    seeds: Annotated[
+        int | None, typer.Option(help="Runs of stochastic methods; as many as the claims need if not given.", min=1)
+    ] = None,
     json: AsJson = False,
 ) -> None:
     """Puts a paper's tables beside ours.

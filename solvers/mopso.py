@@ -37,7 +37,7 @@ class _Given(Sampling):  # type: ignore[misc]  # pymoo is untyped
 
 
 class _Competitive(CMOPSO):  # type: ignore[misc]  # pymoo is untyped
-    """pymoo's, with its archive's tournaments drawn from the algorithm's generator: left alone, they ignore the seed."""
+    """pymoo's, with its archive's tournaments drawn from the algorithm's generator: else they ignore the seed."""
 
     def _setup(self, problem: Any, **kwargs: Any) -> None:
         super()._setup(problem, **kwargs)
