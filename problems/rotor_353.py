@@ -247,7 +247,7 @@ def inverse_kinematics(pose: ArrayLike) -> tuple[Array, tuple[str, ...]]:
 
 def via_points(case: ZhuWang) -> Array:
     """Table 2: the four points ``(4, 6)`` [rad]."""
-    points = np.radians(np.array(TABLE_2).T)
+    points: Array = np.radians(np.array(TABLE_2).T)
     if case.as_printed:
         points[2, 2] = np.radians(PRINTED_SIGN)
     return points

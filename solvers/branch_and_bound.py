@@ -472,7 +472,8 @@ def _largest(problem: Problem, candidate: Trajectory, limit: PathConstraint, k: 
     """Largest value of a limit's row, or of its negative, on a segment; from samples and refinements."""
 
     def signed(u: Array) -> Array:
-        return side * limit_on(candidate, problem.requirements, limit, k, u.ravel())[row].reshape(u.shape)
+        values = limit_on(candidate, problem.requirements, limit, k, u.ravel())[row]
+        return np.asarray(side * values.reshape(u.shape))
 
     return float(signed(_peaks(signed, 1, 1)).max())
 

@@ -93,10 +93,11 @@ def what_the_times_need(sheet: Sheet) -> pd.DataFrame:
             rows.append((name, joint, peaks[0][j], peaks[0][j] / paper.VELOCITY[j], peaks[1][j]))
     columns = ["variant", "joint", "peak velocity [deg/s]", "of the maker's", "peak acceleration [deg/s2]"]
     table = pd.DataFrame(rows, columns=columns)
-    worst = table.loc[table["peak acceleration [deg/s2]"].where(table["variant"] == "sign mended").idxmax()]
+    mended = {row[1]: row[4] for row in rows if row[0] == "sign mended"}
+    worst = max(mended, key=lambda joint: mended[joint])
     sheet.add(
         "Times", "sum of the phases", str(paper.TOTAL), sum(paper.PHASES), "s", tolerance=0.0005 * 3.0,
-        note=f"{worst['joint']} needs {worst['peak acceleration [deg/s2]']:.0f} deg/s2 with them",
+        note=f"{worst} needs {mended[worst]:.0f} deg/s2 with them",
     )  # fmt: skip
     return table
 
@@ -121,14 +122,15 @@ def _alone(points: Array, ratio: float) -> Array:
     def slowest(z: Array) -> float:
         curve = polynomial_353(points[:, None], np.array([1.0, *np.exp(z)]))
         peaks = [max(abs(e.lower), abs(e.upper)) for order in (1, 2) for e in curve.extrema(order)]
-        return max(peaks[0], np.sqrt(peaks[1] / ratio))
+        return float(max(peaks[0], np.sqrt(peaks[1] / ratio)))
 
     def total(z: Array) -> float:
         return float(slowest(z) * (1.0 + np.exp(z).sum())) if np.abs(z).max() < 6.0 else 1e9
 
     starts = [np.zeros(2), np.array([1.0, 0.0])]
-    options = {"xatol": 1e-4, "fatol": 1e-7, "maxiter": 200}
-    found = min((minimize(total, z, method="Nelder-Mead", options=options) for z in starts), key=lambda r: r.fun)
+    options: Any = {"xatol": 1e-4, "fatol": 1e-7, "maxiter": 200}
+    ends: list[Any] = [minimize(total, z, method="Nelder-Mead", options=options) for z in starts]
+    found = min(ends, key=lambda end: end.fun)
     return np.asarray(slowest(found.x) * np.array([1.0, *np.exp(found.x)]))
 
 
@@ -166,10 +168,11 @@ def geometry(sheet: Sheet) -> pd.DataFrame:
             rows.append((name, f"X{k} to X{k + 1}", angle, upright, move[0], move[1], move[2]))
     columns = ["variant", "move", "turn [deg]", "|axis . z|", "x [mm]", "y [mm]", "z [mm]"]
     table = pd.DataFrame(rows, columns=columns)
-    first, last = table.iloc[0], table.iloc[2]
+    first, last, printed_last = table.iloc[0], table.iloc[2], table.iloc[5]
     note = "Table 2 in degrees, pendant's joint 3, a = 195 mm: the first move keeps its height, to the digits printed"
     sheet.add("Table 2", "height of X1 over X0", "0", float(first["z [mm]"]), "mm", tolerance=0.02, note=note)
-    note = f"with -63.179 the last move is a translation; with the printed sign it turns {table.iloc[5, 2]:.1f} deg"
+    turned = float(printed_last["turn [deg]"])
+    note = f"with -63.179 the last move is a translation; with the printed sign it turns {turned:.1f} deg"
     sheet.add("Table 2", "turn from X2 to X3", "0", float(last["turn [deg]"]), "deg", tolerance=0.002, note=note)
     return table
 
