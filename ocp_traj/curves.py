@@ -80,6 +80,39 @@ def cubic_spline_free_ends(via_points: ArrayLike, intervals: Any) -> PiecewiseBe
     return PiecewiseBezier(intervals if symbolic else np.asarray(h), tuple(stack(*s) for s in segments))
 
 
+def polynomial_353(via_points: ArrayLike, durations: Any) -> PiecewiseBezier:
+    """Cubic, quintic, cubic through four points, at rest in velocity and acceleration at both ends, C2 between.
+
+    Zhu and Wang, (4)-(7), in closed form: three conditions at each end make the cubics X_0 + d_1 u^3 and
+    X_3 - d_3 (1 - u)^3, with d_k = X_k - X_{k-1}; the quintic is Hermite's between what they leave at their inner ends.
+    The paper's 14 x 14 system has the determinant +-16 t_1^3 t_2^9 t_3^3, so there is no other curve.
+
+    Args:
+        via_points: X ``(4, dof)``, joint units.
+        durations: t ``(3,)`` [s], numbers or a casadi column.
+
+    Returns:
+        Three segments of degrees 3, 5, 3.
+    """
+    points = np.asarray(via_points, dtype=float)
+    symbolic = isinstance(durations, casadi.SX)
+    t = casadi.vertsplit(durations) if symbolic else list(np.asarray(durations, dtype=float))
+    if points.ndim != 2 or points.shape[0] != 4 or len(t) != 3:
+        raise ProblemDefinitionError(
+            f"a 3-5-3 curve goes through 4 points in 3 durations; got points of shape {points.shape} and {len(t)}"
+        )
+    x = [casadi.SX(p).T if symbolic else p for p in points]
+    first, last = x[1] - x[0], x[3] - x[2]
+    start, end = t[1] / t[0], t[1] / t[2]
+    # Of the quintic: q' t_2 / 5 and q'' t_2^2 / 20 at its ends, from q' = 3 d / t and q'' = +-6 d / t^2.
+    v1, a1 = 0.6 * start * first, 0.3 * start**2 * first
+    v2, a2 = 0.6 * end * last, -0.3 * end**2 * last
+    quintic = [x[1], x[1] + v1, x[1] + 2.0 * v1 + a1, x[2] - 2.0 * v2 + a2, x[2] - v2, x[2]]
+    segments = ([x[0], x[0], x[0], x[1]], quintic, [x[2], x[3], x[3], x[3]])
+    stack = casadi.vertcat if symbolic else lambda *rows: np.stack(rows)
+    return PiecewiseBezier(durations if symbolic else np.asarray(t), tuple(stack(*s) for s in segments))
+
+
 def quartic_quintic(
     start: ArrayLike, via: Any, via_velocity: Any, goal: Any, durations: Any
 ) -> PiecewiseBezier:

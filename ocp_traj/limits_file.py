@@ -88,6 +88,8 @@ def read_requirements(path: str | Path) -> Requirements:
         file = _Table(Path(path), "", tomllib.loads(read_text(path, "limits")))
     except tomllib.TOMLDecodeError as error:
         raise FileFormatError(f"{path} is not a limits file: not TOML ({error})") from error
+    except RecursionError as error:
+        raise FileFormatError(f"{path} is not a limits file: nested too deep") from error
     if (kind := file.values.get("format")) != FORMAT:
         raise FileFormatError(f"{path} is not a limits file: its format is {kind!r}; allowed is {FORMAT!r}")
     file.only("format", "joints", "units", "continuity", *QUANTITIES, "robot", "payload", "rest", "tool")

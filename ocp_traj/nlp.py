@@ -8,6 +8,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ocp_traj.errors import NoSolutionFound, ProblemDefinitionError
@@ -157,6 +158,40 @@ class Conflict:
         return f"{name}{where}: held at its bound {self.bound:.6g} {self.row.unit}"
 
 
+@dataclass(frozen=True)
+class Certificate:
+    """How far from the global optimum a solution is at most.
+
+    Attributes:
+        lower: no feasible trajectory has a smaller objective.
+        upper: the solution's own, proved feasible.
+        certified: whether the gap is within the tolerance asked for.
+        boxes: bounded on the way.
+        seconds: spent.
+        argument: what was proved, and what was left out of the lower bound.
+    """
+
+    lower: float
+    upper: float
+    certified: bool
+    boxes: int
+    seconds: float
+    argument: str
+
+    @property
+    def gap(self) -> float:
+        """Upper - lower, relative to upper."""
+        return (self.upper - self.lower) / abs(self.upper) if self.upper else 0.0
+
+    def explain(self) -> str:
+        """One line."""
+        word = "certified" if self.certified else "not certified"
+        return (
+            f"{word}: no solution is below {self.lower:.10g}, this one is {self.upper:.10g}, a relative gap of "
+            f"{self.gap:.1e} ({self.argument}; {self.boxes} boxes, {self.seconds:.2f} s)"
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
     """What a solver found, the same type for every solver.
@@ -179,6 +214,8 @@ class Solution:
         alternatives: of a problem with discrete choices: the solution of each, by its name; this is the best of them.
         optima: the distinct local optima, best first, where they were asked for.
         detail: the solver's own words.
+        certificate: of global optimality, where one was asked for.
+        history: of a population, a row a generation.
     """
 
     name: str
@@ -201,6 +238,8 @@ class Solution:
     alternatives: Mapping[str, Solution] = field(default_factory=dict)
     optima: tuple[Optimum, ...] = ()
     detail: str = ""
+    certificate: Certificate | None = None
+    history: pd.DataFrame | None = None
 
     @property
     def ok(self) -> bool:

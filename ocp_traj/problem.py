@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -104,6 +104,19 @@ class Objective:
             raise ProblemDefinitionError(f"objective {self.id!r}: scale {self.scale}; it must be positive")
 
 
+@dataclass(frozen=True, eq=False)
+class Decomposition:
+    """A recipe that solves parts of a problem alone and puts them together, whatever that does to the limits.
+
+    Attributes:
+        parts: problems with variables of the same kind each.
+        combine: the parts' decision vectors -> x of the whole.
+    """
+
+    parts: tuple[Problem, ...]
+    combine: Callable[[Sequence[Array]], Array]
+
+
 TRAPEZOID = ((0.0, 0.5), (1.0, 0.5))
 MIDPOINT = ((0.5, 1.0),)
 
@@ -135,6 +148,9 @@ class Problem:
         homotopy: the way a trajectory takes, in a word: what tells local optima apart.
         settle: x -> x with the auxiliary variables at what its curve really has.
         explain: what a limit broken at a fixed end means, in words.
+        decomposition: solve by parts, as a paper does, in place of the whole.
+        scales_in_time: the variables are the durations of the segments, all of them and nothing else, and the path
+            depends on their ratios alone: s x is the same path, s times slower.
     """
 
     id: str
@@ -159,6 +175,8 @@ class Problem:
     homotopy: Callable[[Trajectory], str] | None = None
     settle: Callable[[Array], Array] | None = None
     explain: Callable[[Conflict], str] | None = None
+    decomposition: Decomposition | None = None
+    scales_in_time: bool = False
     _functions: dict[str, Any] = field(default_factory=dict, repr=False, init=False)
 
     def __post_init__(self) -> None:

@@ -111,15 +111,17 @@ class EpsilonConstraint:
 
 @dataclass(frozen=True)
 class GoalAttainment:
-    """Minimise gamma subject to f_k - w_k gamma <= goal_k; Gembicki and Haimes (1975)."""
+    """Minimise gamma subject to f_k - w_k gamma <= goal_k and f_k <= bound_k; Gembicki and Haimes (1975)."""
 
     goals: Mapping[str, float]
     weights: Mapping[str, float]
+    bounds: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Checks goals and weights."""
         _check(self.goals, "the goal", positive=False)
         _check(self.weights, "the weight", positive=True)
+        _check(self.bounds, "the bound", positive=False)
         if set(self.goals) != set(self.weights):
             raise InputError(
                 f"goal attainment needs a goal and a weight for each objective; got {sorted(self.goals)} "
@@ -131,16 +133,19 @@ class GoalAttainment:
     @property
     def names(self) -> tuple[str, ...]:
         """All objectives that take part."""
-        return tuple(self.goals)
+        return tuple(dict.fromkeys((*self.goals, *self.bounds)))
 
     def apply(self, problem: Problem, values: Mapping[str, Any]) -> Scalarised:
-        """The attainment factor gamma, and one row a goal."""
+        """The attainment factor gamma, one row a goal and one a bound."""
         gamma = casadi.MX.sym("gamma")
         rows = []
         for name in self.goals:
             objective = problem.objective(name)
             value = _signed(objective, values[name]) - self.weights[name] / objective.scale * gamma
             rows.append((name, value, float(_signed(objective, self.goals[name]))))
+        for name, bound in self.bounds.items():
+            objective = problem.objective(name)
+            rows.append((name, _signed(objective, values[name]), float(_signed(objective, bound))))
         return Scalarised(gamma, tuple(rows), gamma)
 
 

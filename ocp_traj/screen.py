@@ -19,7 +19,7 @@ from rich.text import Text
 
 from ocp_traj import progress as progress_module
 from ocp_traj.front import Front, Hypervolume
-from ocp_traj.nlp import Solution
+from ocp_traj.nlp import Certificate, Solution
 from ocp_traj.problem import Problem
 from ocp_traj.reproduce import Reproduction
 from ocp_traj.solvers.payload import LargestPayload
@@ -71,6 +71,10 @@ def progress(title: str) -> Iterator[progress_module.Progress]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=None, words="")
         yield lambda done, total, words: bar.update(task, completed=done, total=total or None, words=words)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _text(value: Any) -> str:
@@ -214,6 +218,9 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
             }
             for c in solution.conflicts
         ],
+        "certificate": None
+        if solution.certificate is None
+        else {**vars(solution.certificate), "gap": solution.certificate.gap},
         "audit": audit_values(solution.audit) if solution.audit is not None else {"verdict": None, "rows": []},
     }
     if solution.alternatives:
@@ -225,8 +232,9 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         data["optima"] = [
             {**_outcome(problem, o.solution), "way": o.way, "starts": o.starts} for o in solution.optima
         ]  # fmt: skip
-    effort = f"{solution.seconds:.2f} s, {solution.rounds} rounds, {solution.iterations} iterations"
-    title = f"{problem.id}: {solution.status.value} in {effort}"
+    effort = f"{solution.seconds:.2f} s, {_count(solution.rounds, 'round')}, {_count(solution.iterations, 'iteration')}"
+    certified = ", certified" if solution.certificate is not None and solution.certificate.certified else ""
+    title = f"{problem.id}: {solution.status.value}{certified} in {effort}"
     tables: list[Rows] = []
     if solution.audit is not None:
         tables.append(
@@ -275,6 +283,8 @@ def _outcome_cells(problem: Problem, solution: Solution) -> list[Any]:
 
 def _verdict(solution: Solution) -> str | None:
     return solution.audit.verdict if solution.audit is not None else None
+def _certificate(found: Certificate | None) -> dict[str, Any] | None:
+    return None if found is None else {**vars(found), "gap": found.gap}
 
 
 def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:

@@ -156,7 +156,8 @@ def transcribe(
         g.append(value)
         lower.append(-np.inf)
         upper.append(bound)
-        rows.append(Row(name, "", unit=objective.unit, scale=objective.scale))
+        label = "bound" if any(row.limit == name for row in rows) else ""  # the goal of an objective, then its bound
+        rows.append(Row(name, label, unit=objective.unit, scale=objective.scale))
     extra = [] if scalar.extra is None else [scalar.extra]
     labels = [*("gamma" for _ in extra), *(label for s in steps for label in s.labels)]
     unbounded = np.full(len(labels), np.inf)

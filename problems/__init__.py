@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from importlib import import_module
 from typing import Any
@@ -12,6 +13,7 @@ from ocp_traj.problem import Problem
 # id: (module, case class). A new paper is one file here, one line in this table and a reference row in the tests.
 REGISTRY = {
     "hybrid-spline": ("hybrid_spline", "Guo2016"),
+    "rotor-353": ("rotor_353", "ZhuWang"),
     "wrist-obstacle": ("wrist_obstacle", "ElHaiek2019"),
 }
 
@@ -42,18 +44,22 @@ def load(name: str, **changes: Any) -> Problem:
         changes: case fields; lists become tuples, whole numbers floats where the default is one.
     """
     cls = case_class(name)
-    known = {f.name: f.default for f in fields(cls)}
+    known = {f.name: f for f in fields(cls)}
     values = {}
     for key, value in changes.items():
         if key not in known:
             raise UnknownName(f"{name} has no case field {key!r}; fields are {', '.join(known)}")
-        values[key] = _converted(name, key, value, known[key])
+        values[key] = _converted(name, key, value, known[key].default, known[key].metadata)
     problem: Problem = module(name).build(cls(**values))
     return problem
 
 
-def _converted(problem: str, key: str, value: Any, default: Any) -> Any:
-    """The value as the default's type, or an error that says what is wanted."""
+def _converted(problem: str, key: str, value: Any, default: Any, metadata: Mapping[str, Any]) -> Any:
+    """The value as the default's type, or an error that says what is wanted.
+
+    A field of numbers may say in its metadata how many (``size``, else as many as its default) and that it may be
+    ``empty``, which is written "none".
+    """
     wanted = f"{problem}: {key} is {value!r}; give"
     if default is None:
         return None if value is None else _numbers(value, f"{wanted} numbers, such as 1,0,0.5")
@@ -66,9 +72,14 @@ def _converted(problem: str, key: str, value: Any, default: Any) -> Any:
             return str(value).lower() == "true"
         raise InputError(f"{wanted} true or false")
     if isinstance(default, tuple):
-        numbers = _numbers(value, f"{wanted} {len(default)} numbers, such as {','.join(map(str, default))}")
-        if len(numbers) != len(default):
-            raise InputError(f"{wanted} {len(default)} numbers, such as {','.join(map(str, default))}")
+        size, empty = metadata.get("size", len(default)), metadata.get("empty", False)
+        such = f", such as {','.join(map(str, default))}" if default else ""
+        wanted = f"{wanted} {size} numbers{such}{', or none' if empty else ''}"
+        if empty and (value is None or value == "none"):
+            return ()
+        numbers = _numbers(value, wanted)
+        if len(numbers) != size and not (empty and not numbers):
+            raise InputError(wanted)
         return numbers
     if isinstance(default, float | int):
         try:

@@ -3,7 +3,8 @@
 Two objectives: epsilon-constraints. Starting from the two ends of the front inside the reference box, the widest gap
 between neighbours (measured by the area of the box they span, which bounds what hypervolume is still to be had there)
 is halved along its longer side: one objective is bounded at the middle, the other minimised. More objectives: goal
-attainment towards the ideal along a lattice of weights (Das and Dennis, 1998).
+attainment towards the ideal, inside the reference box, along a lattice of weights (Das and Dennis, 1998), and, where
+that leaves points to be had, along the directions of finer lattices that are farthest from all points so far.
 
 Time scaling gives the starts: a dilated solution keeps its path, so one solution is a whole ray of candidates,
 evaluated in one pass of the tape; the best one that meets the bound is where the local solver begins.
@@ -20,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pymoo.util.ref_dirs import get_reference_directions
 
+from ocp_traj.audit import audit
 from ocp_traj.errors import InputError, NoSolutionFound
-from ocp_traj.nlp import Solution
+from ocp_traj.nlp import Solution, Status
 from ocp_traj.population import Population
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
@@ -29,9 +31,13 @@ from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart
 from ocp_traj.solvers.pareto_set import ParetoSet
+from ocp_traj.symbolic import evaluate_objectives
+from ocp_traj.transcription import trajectory
 
 Array = NDArray[np.float64]
 
+SAME = 1e-9  # of the front's extent: points closer than this in every objective are one; our choice
+REFINEMENTS = 4  # how many finer lattices are tried where the first one leaves points to be had: our choice
 FLAT = 1e-7  # relative: ends closer than this are one point; our choice, far above what back-off and solver leave open
 RAY = np.concatenate([np.linspace(0.5, 1.0, 40), np.linspace(1.0, 2.0, 41)[1:]])  # dilations tried: our choice
 
@@ -73,7 +79,12 @@ class FrontTracer:
             trace.fill() if len(objectives) == 2 else trace.lattice()
         except KeyboardInterrupt:
             interrupted = True
-        info: dict[str, Any] = {"solves": trace.solves, "iterations": trace.iterations, "failed": trace.failed}
+        info: dict[str, Any] = {
+            "solves": trace.solves,
+            "iterations": trace.iterations,
+            "failed": trace.failed,
+            "unsolved ends": trace.unsolved,
+        }
         if not trace.conflict:
             info["conflict"] = False
         xs = [solution.x for solution in trace.solutions]
@@ -94,23 +105,57 @@ class _Trace:
         self.values = np.empty((0, len(objectives)))
         self.solves = self.iterations = self.failed = 0
         self.conflict = True
+        self.unsolved: list[str] = []  # objectives whose end is only the best point known
 
     def ends(self) -> None:
-        """The best point of each objective, with the others inside the reference box."""
+        """The best point of each objective, with the others inside the reference box.
+
+        An end that no start reaches is tried once more from the other ends; if that fails as well, the best dilation of
+        theirs stands in for it, and ``unsolved`` says so.
+        """
+        missing: list[tuple[str, Solution]] = []
         for k, name in enumerate(self.names):
-            bounds = {
-                n: self.problem.reference_point[n]
-                for n in self.names
-                if n != name and n in self.problem.reference_point
-            }
-            scalar = EpsilonConstraint(name, bounds, augmentation=1e-6)
             starts = max(self.tracer.starts, self.problem.starts)
             start = Multistart(self.tracer.solver, starts, self.tracer.seed + k)
-            solution = start.solve(self.problem, scalar)
+            solution = start.solve(self.problem, self._end(name))
             self._count(solution)
-            if not solution.ok:
-                raise NoSolutionFound(solution.explain())
-            self._add(solution)
+            if solution.ok:
+                self._add(solution)
+            elif solution.status is Status.INFEASIBLE:
+                raise NoSolutionFound(f"{solution.explain()} (the least {name}, the others within the reference point)")
+            else:
+                missing.append((name, solution))
+        for name, failure in missing:
+            if not self.solutions:
+                raise NoSolutionFound(f"{failure.explain()}; no end of the front was found")
+            bounds = {self.names.index(n): self._sign(n) * bound for n, bound in self._end(name).bounds.items()}
+            x0, nearest = self._start(list(range(len(self.solutions))), bounds)
+            solution = self.tracer.solver.solve(self.problem, self._end(name), x0)
+            self._count(solution)
+            if solution.ok:
+                self._add(solution)
+                continue
+            self.unsolved.append(name)
+            stand_in = self._evaluated(x0, self.solutions[nearest])
+            if stand_in is not None:
+                self._add(stand_in)
+
+    def _end(self, name: str) -> EpsilonConstraint:
+        known = self.problem.reference_point
+        bounds = {n: known[n] for n in self.names if n != name and n in known}
+        return EpsilonConstraint(name, bounds, augmentation=1e-6)
+
+    def _sign(self, name: str) -> float:
+        return float(self.signs[self.names.index(name)])
+
+    def _evaluated(self, x: Array, like: Solution) -> Solution | None:
+        """A decision vector as a solution, if it is proved and new."""
+        candidate = trajectory(self.problem, x)
+        found = audit(candidate, self.problem.requirements)
+        if not found.proved or np.array_equal(x, like.x):
+            return None
+        values = evaluate_objectives(self.problem, x)
+        return replace(like, x=x, status=Status.FEASIBLE, trajectory=candidate, audit=found, objectives=values)
 
     def fill(self) -> None:
         """Halves the widest gap until there are enough points or no gap is left."""
@@ -139,34 +184,48 @@ class _Trace:
             bounded = int(np.argmax(gaps[i]))
             middle = float(self.signs[bounded] * values[i : i + 2, bounded].mean())
             scalar = EpsilonConstraint(self.names[1 - bounded], {self.names[bounded]: middle}, augmentation=1e-6)
-            before = len(self.solutions)
-            self._point(scalar, pair, {bounded: self.signs[bounded] * middle})
-            new = len(self.solutions) > before and bool(
-                (np.abs(self.values[-1] - self.values[:-1]) / span).max(axis=1).min() > 1e-9
-            )
-            if not new:
+            if not self._point(scalar, pair, {bounded: self.signs[bounded] * middle}, span):
                 closed.add((values[i, 0], values[i + 1, 0]))
-                if len(self.solutions) > before:
-                    self._drop()
 
     def lattice(self) -> None:
-        """Goal attainment from the ideal along each direction of a lattice of about the right number of weights."""
+        """Goal attainment from the ideal along the directions of a lattice, and of finer ones, until points are enough.
+
+        The first lattice is the finest with no more directions than points are wanted.
+        """
         m, low = len(self.names), self.values.min(axis=0)
         span = np.maximum(self.values.max(axis=0) - low, 1e-12)
         partitions = 1
-        while len(get_reference_directions("das-dennis", m, n_partitions=partitions + 1)) <= self.tracer.points - m:
+        while len(_directions(m, partitions + 1)) + m <= self.tracer.points:
             partitions += 1
-        for direction in get_reference_directions("das-dennis", m, n_partitions=partitions):
-            if direction.max() > 1.0 - 1e-9:
-                continue  # the ends are known
-            if time.perf_counter() >= self.deadline:
+        for direction in _directions(m, partitions):
+            if len(self.solutions) >= self.tracer.points:
                 return
-            goals = {n: float(s * v) for n, s, v in zip(self.names, self.signs, low, strict=True)}
-            weights = {n: float(max(w, 1e-3) * d) for n, w, d in zip(self.names, direction, span, strict=True)}
-            near = np.argsort(np.abs((self.values - low) / span / np.maximum(direction, 1e-3)).max(axis=1))
-            self._point(GoalAttainment(goals, weights), near[:2].tolist(), {})
+            if not self._towards(direction, low, span):
+                return
+        for finer in range(partitions + 1, partitions + 1 + REFINEMENTS):
+            left = list(_directions(m, finer))
+            while left and len(self.solutions) < self.tracer.points:
+                known = (self.values - low) / span
+                known = known / np.maximum(known.sum(axis=1), 1e-12)[:, None]
+                gap = [np.abs(known - direction).max(axis=1).min() for direction in left]
+                direction = left.pop(int(np.argmax(gap)))
+                if max(gap) > 0.5 / finer and not self._towards(direction, low, span):
+                    return
 
-    def _point(self, scalar: Scalarisation, neighbours: list[int], bounds: Mapping[int, float]) -> None:
+    def _towards(self, direction: Array, low: Array, span: Array) -> bool:
+        """One point of a lattice; False when time is over."""
+        if time.perf_counter() >= self.deadline:
+            return False
+        known = self.problem.reference_point
+        goals = {n: float(s * v) for n, s, v in zip(self.names, self.signs, low, strict=True)}
+        weights = {n: float(max(w, 1e-3) * d) for n, w, d in zip(self.names, direction, span, strict=True)}
+        near = np.argsort(np.abs((self.values - low) / span / np.maximum(direction, 1e-3)).max(axis=1))
+        bounds = {n: known[n] for n in self.names if n in known}
+        self._point(GoalAttainment(goals, weights, bounds), near[:2].tolist(), {}, span)
+        return True
+
+    def _point(self, scalar: Scalarisation, neighbours: list[int], bounds: Mapping[int, float], span: Array) -> bool:
+        """Solves for one more point; whether one was found that is not there already."""
         x0, nearest = self._start(neighbours, bounds)
         known = self.solutions[nearest]
         solver = replace(self.tracer.solver, first=known.instants)
@@ -175,9 +234,14 @@ class _Trace:
         if not solution.ok:  # once more, from the neighbour itself and with all rows
             solution = self.tracer.solver.solve(self.problem, scalar, known.x)
             self._count(solution)
+        new = False
         if solution.ok:
             self._add(solution)
+            new = bool((np.abs(self.values[-1] - self.values[:-1]) / span).max(axis=1).min() > SAME)
+            if not new:
+                self._drop()
         self.tracer.progress(len(self.solutions), self.tracer.points, self._words())
+        return new
 
     def _start(self, neighbours: list[int], bounds: Mapping[int, float]) -> tuple[Array, int]:
         """The best of the neighbours' rays: within the bounds first, then least in the sum of what is free."""
@@ -212,3 +276,9 @@ class _Trace:
     def _words(self) -> str:
         last = self.values[-1] * self.signs
         return ", ".join(f"{name} {value:.6g}" for name, value in zip(self.names, last, strict=True))
+
+
+def _directions(objectives: int, partitions: int) -> Array:
+    """A lattice of weights that sum to one, its corners left out: those are the ends of the front."""
+    lattice = get_reference_directions("das-dennis", objectives, n_partitions=partitions)
+    return np.asarray(lattice[lattice.max(axis=1) < 1.0 - 1e-9])

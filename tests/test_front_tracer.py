@@ -9,8 +9,10 @@ from numpy.testing import assert_array_equal
 from ocp_traj.audit import audit_all
 from ocp_traj.errors import InputError, NoSolutionFound, UnknownName
 from ocp_traj.front import Front
+from ocp_traj.nlp import Solution, Status
 from ocp_traj.problem import Problem
-from ocp_traj.scalarise import EpsilonConstraint
+from ocp_traj.scalarise import EpsilonConstraint, Scalarisation
+from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
 from ocp_traj.solvers.multistart import Multistart
 from ocp_traj.solvers.nsga2 import NSGA2
@@ -119,10 +121,10 @@ def lattice() -> ParetoSet:
 
 
 def test_a_lattice_of_three_objectives_gives_proved_non_dominated_points(lattice: ParetoSet) -> None:
-    """15 directions of 4 partitions, the 3 corners known already, and the ends: 3 + 12 points of at most 18."""
+    """15 directions of 4 partitions, the 3 corners known already, and the ends: 3 + 12; 3 of finer lattices."""
     problem = stairs_problem()
     f = values(problem, lattice, ["time", "first", "second"])
-    assert len(f) == 15
+    assert len(f) == 18
     assert all(proved(problem, lattice))
     assert not dominated(f).any()
 
@@ -130,7 +132,7 @@ def test_a_lattice_of_three_objectives_gives_proved_non_dominated_points(lattice
 def test_points_of_the_lattice_lie_on_their_directions_from_the_ideal(lattice: ParetoSet) -> None:
     """(f - ideal) / (span direction) is one number, gamma, for every objective whose direction is not zero."""
     f = values(stairs_problem(), lattice, ["time", "first", "second"])
-    ends, rest = f[:3], f[3:]
+    ends, rest = f[:3], f[3:15]
     low, span = ends.min(axis=0), np.ptp(ends, axis=0)
     shares = (rest - low) / span
     shares /= shares.sum(axis=1)[:, None]
@@ -139,6 +141,38 @@ def test_points_of_the_lattice_lie_on_their_directions_from_the_ideal(lattice: P
     expected = np.array([[0.5, 0.25, 0.25], [0.25, 0.5, 0.25], [0.25, 0.25, 0.5]])
     for direction in expected:
         assert np.abs(inner - direction).max(axis=1).min() < 1e-5
+
+
+def test_points_of_the_lattice_lie_within_the_reference_box() -> None:
+    """A box that cuts the stairs' front: without its bounds on every solve, directions lead out of it."""
+    problem = stairs_problem()
+    names = ["time", "first", "second"]
+    free = values(problem, FrontTracer(points=12).pareto(problem, names), names)
+    corner = np.median(free, axis=0) * 1.05
+    boxed = replace(problem, reference_point=dict(zip(names, corner.tolist(), strict=True)))
+    assert (free > corner).any()
+    assert (values(boxed, FrontTracer(points=12).pareto(boxed, names), names) <= corner * (1 + 1e-9)).all()
+
+
+class _Stubborn(Exchange):
+    """Gives up on every solve for the least of one objective that is not time."""
+
+    def solve(
+        self, problem: Problem, scalarisation: Scalarisation, x0: np.ndarray, warm: Solution | None = None
+    ) -> Solution:
+        found = super().solve(problem, scalarisation, x0, warm)
+        if isinstance(scalarisation, EpsilonConstraint) and scalarisation.minimise == "effort":
+            return replace(found, status=Status.ITERATION_LIMIT, audit=None, trajectory=None)
+        return found
+
+
+def test_an_end_that_no_start_reaches_is_replaced_by_a_dilation_of_the_other_and_named() -> None:
+    found = FrontTracer(points=4, solver=_Stubborn()).pareto(quintic_problem(), ["time", "effort"])
+    assert found.info["unsolved ends"] == ["effort"]
+    t = np.sort(np.array(found.xs).ravel())
+    assert t[0] == pytest.approx(Quintic().least_time, rel=1e-7)
+    assert t[-1] == pytest.approx(2.0 * t[0], rel=1e-6)  # twice as slow is the end of the ray
+    assert all(proved(quintic_problem(), found))
 
 
 # --- bad input, interruption ---

@@ -264,6 +264,7 @@ def test_joints_must_be_those_of_the_limits_in_order(foreign: Trajectory, tmp_pa
 UNITS = 'units = ["rad", "rad", "rad"]'
 BAD_FILES = [
     ("joints = [", r"is not a limits file: not TOML \("),
+    ("a = " + 5000 * "[", "is not a limits file: nested too deep"),
     ("", "is not a limits file: its format is None; allowed is 'ocp-traj/limits/1'"),
     ('format = "ocp-traj/limits/2"', "its format is 'ocp-traj/limits/2'; allowed is"),
     ('format = ["ocp-traj/limits/1"]', "its format is "),

@@ -125,6 +125,14 @@ def test_a_goal_of_weight_zero_is_a_hard_bound() -> None:
     assert solution.f == pytest.approx(C / 8.0, rel=1e-7)
 
 
+def test_goal_attainment_keeps_its_bounds_beside_its_goals() -> None:
+    """Both goals are met best at T = 3 s; at most 2 s are allowed, so the effort's goal is missed by c/8 - goal."""
+    goals = {"time": 3.0, "effort": C / 27.0}
+    solution = solved(GoalAttainment(goals, {"time": 1.0, "effort": 1.0}, {"time": 2.0}))
+    assert solution.x[0] == pytest.approx(2.0, rel=1e-7)
+    assert solution.f == pytest.approx(C / 8.0 - C / 27.0, rel=1e-7)
+
+
 # --- what is built ---
 
 
