@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.nlp import Solution, Status
 
 if TYPE_CHECKING:
-    from ocp_traj.nlp import Solution
     from ocp_traj.problem import Problem
 
 SAME_VALUE = 1e-6  # relative: optima whose objectives differ by more are two; our choice, 100 x what exchange leaves open
@@ -33,25 +33,28 @@ class Optimum:
     way: str = ""
 
 
-def distinct(problem: Problem, solutions: Sequence[Solution]) -> tuple[Optimum, ...]:
-    """The distinct ones among usable solutions, best first.
+def distinct(problem: Problem, solutions: Sequence[Solution], solves: int = 1) -> tuple[Optimum, ...]:
+    """The distinct ones among converged solutions, best first; ``solves`` solutions belong to each start.
 
     Two are one optimum where their values agree to ``SAME_VALUE`` and either their curves to ``SAME_CURVE`` or, where
     the problem has a word for it, the ways they take: a joint that an objective does not see makes a continuum of them.
     """
     found: list[Optimum] = []
-    usable = [s for s in solutions if s.ok and s.trajectory is not None and np.isfinite(s.f)]
-    proved_first = sorted(usable, key=lambda s: (s.audit is None or not s.audit.proved, s.f))
-    for solution in proved_first:
+    ended: list[set[int]] = []  # which starts
+    usable = [(i // solves, s) for i, s in enumerate(solutions) if s.status is Status.SOLVED and s.trajectory]
+    proved_first = sorted(usable, key=lambda entry: (entry[1].audit is None or not entry[1].audit.proved, entry[1].f))
+    for start, solution in proved_first:
         assert solution.trajectory is not None
         way = problem.homotopy(solution.trajectory) if problem.homotopy is not None else ""
-        for i, known in enumerate(found):
-            if _same(known, solution, way):
-                found[i] = replace(known, starts=known.starts + 1)
+        for known, starts in zip(found, ended, strict=True):
+            if known.solution is solution or _same(known, solution, way):
+                starts.add(start)
                 break
         else:
             found.append(Optimum(solution, 1, way))
-    return tuple(sorted(found, key=lambda optimum: optimum.solution.f))
+            ended.append({start})
+    counted = [replace(optimum, starts=len(starts)) for optimum, starts in zip(found, ended, strict=True)]
+    return tuple(sorted(counted, key=lambda optimum: optimum.solution.f))
 
 
 def _same(known: Optimum, solution: Solution, way: str) -> bool:

@@ -140,7 +140,8 @@ class Problem:
         default_objective: what ``solve`` minimises when not told.
         reference_point: per objective, the worst value worth having: it bounds a front and its hypervolume.
         starts: random starts of a local solver when not told how many.
-        instants: a segment, of the first grid of constraint exchange; degree/2 + 1, at least 3, if not given.
+        instants: a segment, of a first grid of constraint exchange that stays; if not given, degree/2 + 1, at least 3,
+            of which those far from their limits are dropped.
         expand: write the NLP's functions out, operation by operation, instead of mapping them over instants: many times
             quicker to evaluate where they are short, slow to build where they are long.
         alternatives: where the problem leaves a discrete choice open, the problem of each choice, by its name; they

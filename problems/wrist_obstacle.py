@@ -282,7 +282,7 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
             ("clearance",) if spheres else (), continuity=2,
         ),  # fmt: skip
         starts=4,  # our choice: there are many local optima
-        instants=7,  # our choice: from fewer the first rounds wander far
+        instants=13,  # our choice: from fewer the first rounds wander from one local optimum to another
         expand=not case.effort_limits,
         guess=guess,
         dilate=dilate,

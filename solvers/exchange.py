@@ -42,6 +42,7 @@ STALLED, NEGLIGIBLE = (
     1e-6,
 )  # a round that gains less than this factor on an excess this small: back off; our choice
 WARM_ITERATIONS = 80  # a warm start that needs more is none
+GAINS = 2.0  # a round that reduces the excess by less than this gains too little; our choice
 NEAR = 0.15  # of a segment: a new peak this close to a moving instant replaces it
 
 
@@ -133,9 +134,9 @@ class Exchange:
                 back_off += 2.0 * excess  # flat peaks wander for ever: stay clear of the limit by what they wander
             peaks = worst_instants(problem, solution.trajectory, solution.audit, self.back_off)
             instants = updated or instants
-            if number == 1 and self.first is None:
+            if number == 1 and self.first is None and problem.instants is None:
                 instants = _near(instants, problem, solution)
-            instants, renamed = _merge(instants, peaks, x, problem)
+            instants, renamed = _merge(instants, peaks, x, problem, keep=excess > before / GAINS)
             inherited = {new: solution.multipliers.get(old, 0.0) for new, old in renamed.items()}
             warm = replace(solution, multipliers={**solution.multipliers, **inherited})
         if proved is not None:
@@ -294,9 +295,12 @@ def _near(instants: list[Instant], problem: Problem, solution: Solution) -> list
 
 
 def _merge(
-    instants: list[Instant], peaks: list[Instant], x: Array, problem: Problem
+    instants: list[Instant], peaks: list[Instant], x: Array, problem: Problem, *, keep: bool
 ) -> tuple[list[Instant], dict[Row, Row]]:
-    """Adds peaks to the grid; one close to an instant that moves replaces it, and inherits its multiplier."""
+    """Adds peaks to the grid; one close to an instant that moves replaces it, and inherits its multiplier.
+
+    Where replacing them gains too little the rounds may go in a circle: ``keep`` leaves the old ones where they were put.
+    """
     merged, renamed = list(instants), {}
     for peak in peaks:
         for i, old in enumerate(merged):
@@ -309,6 +313,8 @@ def _merge(
                 limit, row = _limit(problem, peak), (peak.rows or (0,))[0]
                 renamed[_row(limit, peak, row)] = _row(limit, old, row)
                 merged[i] = peak
+                if keep:
+                    merged.append(replace(old, slope=None, anchor=None))
                 break
         else:
             merged.append(peak)

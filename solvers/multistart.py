@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import NLP, Solution, Status
 from ocp_traj.optima import distinct
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
@@ -18,6 +18,8 @@ from ocp_traj.solvers.exchange import Exchange
 
 Array = NDArray[np.float64]
 
+SOLVES = 2  # of each start when all optima are wanted
+NARROW = {"mu_init": 1e-6, "bound_push": 1e-8, "bound_frac": 1e-8}  # our choice: IPOPT's own are 0.1, 0.01, 0.01
 ONE_POINT = 1e-6  # of the variables' size: our choice, far above the solver's tolerance
 
 
@@ -29,8 +31,10 @@ class Multistart:
         solver: of one start.
         starts: how many.
         seed: of the starting points.
-        all_optima: whether the solution lists every distinct local optimum. The first NLP is then built once, and
-            starts that it leads to one point share what follows, so that hundreds of starts are affordable.
+        all_optima: whether the solution lists every distinct local optimum. Each start is then solved twice: as usual,
+            where the barrier leads across to deep optima, and with a narrow barrier, which ends in one nearby. The
+            first NLP is built once, and where it leads to one point what follows is shared: hundreds of starts are
+            affordable.
         progress: told after each start.
     """
 
@@ -45,12 +49,12 @@ class Multistart:
         return [problem.guess(np.random.default_rng([self.seed, i])) for i in range(self.starts)]
 
     def solve_all(self, problem: Problem, scalarisation: Scalarisation) -> list[Solution]:
-        """One solution a start; Ctrl-C ends it early with those it has."""
+        """One solution a start, or two with ``all_optima``; Ctrl-C ends it early with those it has."""
         solutions: list[Solution] = []
-        one_start = self._shared(problem, scalarisation) if self.all_optima else self.solver.solve
+        one_start = self._shared(problem, scalarisation) if self.all_optima else self._alone
         for i, x0 in enumerate(self.points(problem)):
             try:
-                solutions.append(one_start(problem, scalarisation, x0))
+                solutions += one_start(problem, scalarisation, x0)
             except KeyboardInterrupt:
                 if not solutions:
                     raise
@@ -63,25 +67,29 @@ class Multistart:
         """The best of all starts: proved before unproved, then the smaller value."""
         begun = time.perf_counter()
         solutions = self.solve_all(problem, scalarisation)
-        optima = distinct(problem, solutions) if self.all_optima else ()
+        optima = distinct(problem, solutions, SOLVES) if self.all_optima else ()
         return replace(best_of(solutions), seconds=time.perf_counter() - begun, optima=optima)
 
-    def _shared(self, problem: Problem, scalarisation: Scalarisation) -> Callable[..., Solution]:
-        """``Exchange.solve``, but for starts whose first NLP leads to a point that an earlier start's has led to."""
-        nlp = self.solver.opening(problem, scalarisation)
-        known: list[tuple[Solution, Solution]] = []
+    def _alone(self, problem: Problem, scalarisation: Scalarisation, x0: Array) -> list[Solution]:
+        return [self.solver.solve(problem, scalarisation, x0)]
 
-        def solve(problem: Problem, scalarisation: Scalarisation, x0: Array) -> Solution:
-            opened = self.solver.solver.solve(nlp, nlp.start(x0))
+    def _shared(self, problem: Problem, scalarisation: Scalarisation) -> Callable[..., list[Solution]]:
+        """``SOLVES`` solutions of a start; those whose first NLP leads where an earlier one has led are that one's."""
+        usual = self.solver
+        narrow = replace(usual, solver=replace(usual.solver, options={**NARROW, **usual.solver.options}))
+        nlps = [(solver, solver.opening(problem, scalarisation), []) for solver in (usual, narrow)]
+
+        def one(solver: Exchange, nlp: NLP, known: list[tuple[Solution, Solution]], x0: Array) -> Solution:
+            opened = solver.solver.solve(nlp, nlp.start(x0))
             for other, solution in known:
                 if opened.ok and np.abs(opened.x - other.x).max() <= ONE_POINT * (1.0 + np.abs(other.x).max()):
                     return solution
-            solution = self.solver.solve(problem, scalarisation, x0, opened=opened)
+            solution = solver.solve(problem, scalarisation, x0, opened=opened)
             if opened.ok:
                 known.append((opened, solution))
             return solution
 
-        return solve
+        return lambda problem, scalarisation, x0: [one(*entry, x0) for entry in nlps]
 
 
 def best_of(solutions: Sequence[Solution]) -> Solution:
