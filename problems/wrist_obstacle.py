@@ -125,17 +125,24 @@ class Obstacle:
         centre: c ``(3,)``.
         size: |c|.
         radius: R = r + rho.
+        link: d3, the link's length.
     """
 
     number: int
     centre: Array
     size: float
     radius: float
+    link: float
 
     @property
     def half_angle(self) -> float:
         """Half the angle under which it is seen from the base, asin(R / |c|) [rad]."""
         return asin(self.radius / self.size)
+
+    @property
+    def within_reach(self) -> bool:
+        """Whether the link is as long as the tangents from the base: then it is clear where its direction is."""
+        return self.link >= sqrt(self.size**2 - self.radius**2)
 
     def depth(self, tip: Array) -> float:
         """How deep the link reaches into it, R less the distance from the centre to the segment from base to tip."""
@@ -146,7 +153,8 @@ class Obstacle:
 def obstacles(case: ElHaiek2019) -> list[Obstacle]:
     """The obstacles of a case."""
     return [
-        Obstacle(i, np.array(o[:3]), _size(o[:3]), o[3] + case.link_radius) for i, o in enumerate(case.obstacles, 1)
+        Obstacle(i, np.array(o[:3]), _size(o[:3]), o[3] + case.link_radius, case.d3)
+        for i, o in enumerate(case.obstacles, 1)
     ]
 
 
@@ -308,18 +316,30 @@ def _limits(case: ElHaiek2019, machine: Robot, spheres: Sequence[Obstacle]) -> l
                 "effort", lambda s: machine.effort(s.q, s.v, s.a), low, high, machine.effort_units, JOINTS, "our choice"
             )
         )
-    if spheres:
+    near = [o for o in spheres if o.within_reach]
+    far = [o for o in spheres if not o.within_reach]
 
-        def cosines(s: State) -> Any:
-            u = direction(s.q)
-            return casadi.vertcat(
-                *(casadi.dot(o.centre / o.size, u) - casadi.cos(o.half_angle + s.p[0]) for o in spheres)
+    def cosines(s: State) -> Any:
+        u = direction(s.q)
+        return casadi.vertcat(*(casadi.dot(o.centre / o.size, u) - casadi.cos(o.half_angle + s.p[0]) for o in near))
+
+    def depths(s: State) -> Any:  # how far a point of the link is inside the grown sphere, squared distances over |c|^2
+        point = case.d3 * s.s * direction(s.q)
+        return casadi.vertcat(
+            *(
+                casadi.sin(o.half_angle + s.p[0]) ** 2 - casadi.sumsqr((point - casadi.DM(o.centre)) / o.size)
+                for o in far
             )
+        )
 
-        labels = tuple(f"obstacle {o.number}" for o in spheres)
-        none = np.full(len(spheres), -np.inf)
-        limits.append(PathConstraint("obstacles", cosines, none, np.zeros(len(spheres)), ("-",) * len(spheres),
-                                     labels, "(20)"))  # fmt: skip
+    for name, some, expression in (("obstacles", near, cosines), ("far-obstacles", far, depths)):
+        if some:
+            labels, none = tuple(f"obstacle {o.number}" for o in some), np.full(len(some), -np.inf)
+            limits.append(
+                PathConstraint(
+                    name, expression, none, np.zeros(len(some)), ("-",) * len(some), labels, "(20)", sweep=some is far
+                )
+            )
     return limits
 
 
@@ -340,7 +360,14 @@ def _points(start: Array, goal: tuple[float, float]) -> tuple[PointConstraint, .
 
 
 def _clearance(unit: Array, sphere: Obstacle) -> Array:
-    """Angles between directions ``(N, 3)`` and an obstacle, less its half angle: ``(N,)`` [rad]."""
+    """Clearance of directions ``(N, 3)`` from an obstacle ``(N,)`` [rad].
+
+    It is the angle by which the obstacle, seen from the base, may grow until the link touches it.
+    """
+    if not sphere.within_reach:
+        along = np.clip(unit @ sphere.centre, 0.0, sphere.link)
+        distance = np.linalg.norm(sphere.centre - along[:, None] * unit, axis=1)
+        return np.asarray(np.arcsin(np.minimum(distance / sphere.size, 1.0)) - sphere.half_angle)
     return np.asarray(np.arccos(np.clip(unit @ sphere.centre / sphere.size, -1.0, 1.0)) - sphere.half_angle)
 
 
@@ -383,7 +410,7 @@ def way(curve: PiecewiseBezier, spheres: Sequence[Obstacle], branch: int) -> str
 
 
 def _explain(case: ElHaiek2019, spheres: Sequence[Obstacle], conflict: Conflict) -> str:
-    if conflict.row.limit != "obstacles":
+    if conflict.row.limit not in ("obstacles", "far-obstacles"):
         return ""
     sphere = spheres[int(conflict.row.label.split()[-1]) - 1]
     end = ("start", "goal")[conflict.row.segment > 0]
