@@ -15,6 +15,7 @@ from ocp_traj.nlp import Solution, Status
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.scalarise import Scalarisation, WeightedSum, check_names
+from ocp_traj.solvers.by_parts import solve_by_parts
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
 from ocp_traj.solvers.multistart import Multistart
@@ -58,7 +59,8 @@ def solve(
         progress: told how far it is.
 
     Returns:
-        The best solution, with trajectory, objectives and audit; infeasible ones name the limits in conflict.
+        The best solution, with trajectory, objectives and audit; infeasible ones name the limits in conflict. A problem
+        with a ``decomposition`` is solved by its parts: what they combine to may break limits of the whole.
     """
     if starts < 1:
         raise InputError(f"starts is {starts}; give one or more")
@@ -71,6 +73,8 @@ def solve(
             problem.id, nothing, np.nan, Status.INFEASIBLE, conflicts[0].excess / conflicts[0].row.scale, 0, 0.0,
             conflicts=conflicts, detail="broken at an end, whatever the variables",
         )  # fmt: skip
+    if problem.decomposition is not None:
+        return solve_by_parts(problem, scalar, Multistart(solver or Exchange(), starts, seed, progress))
     one_start = solver or Exchange(progress=progress if starts == 1 else silent)
     return Multistart(one_start, starts, seed, progress if starts > 1 else silent).solve(problem, scalar)
 
@@ -116,6 +120,8 @@ def pareto(
         raise InputError(f"a front trades two or more different objectives; got {', '.join(objectives) or 'none'}")
     for name in objectives:
         problem.objective(name)
+    if problem.decomposition is not None:
+        raise InputError(f"{problem.id} is solved by parts in this case, which gives one trajectory and no front")
     if budget is not None:
         if not budget > 0.0:
             raise InputError(f"the budget is {budget} s; give a time above zero")

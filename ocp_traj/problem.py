@@ -129,6 +129,7 @@ class Problem:
         default_objective: what ``solve`` minimises when not told.
         reference_point: per objective, the worst value worth having: it bounds a front and its hypervolume.
         decomposition: solve by parts, as a paper does, in place of the whole.
+        notes: what this case fills in where the paper says nothing; shown with the problem and with every result.
     """
 
     id: str
@@ -147,6 +148,7 @@ class Problem:
     default_objective: str = ""
     reference_point: Mapping[str, float] = field(default_factory=dict)
     decomposition: Decomposition | None = None
+    notes: tuple[str, ...] = ()
     _functions: dict[str, Any] = field(default_factory=dict, repr=False, init=False)
 
     def __post_init__(self) -> None:

@@ -99,6 +99,11 @@ def problem_list(problems: Sequence[Problem]) -> Sheet:
     return Sheet({"problems": data}, [("Problems", list(data[0]) if data else [], rows)])
 
 
+def _notes(problem: Problem) -> list[Rows]:
+    """What the case fills in where the paper says nothing."""
+    return [("Not in the paper", ["this case has"], [[note] for note in problem.notes])] if problem.notes else []
+
+
 def problem_sheet(problem: Problem) -> Sheet:
     """A problem's case, variables, objectives and limits."""
     case = {name: getattr(problem.case, name) for name in problem.case.__dataclass_fields__}
@@ -138,6 +143,7 @@ def problem_sheet(problem: Problem) -> Sheet:
         "point_constraints": points,
         "continuity": problem.requirements.continuity,
         "default_objective": problem.default_objective,
+        "notes": list(problem.notes),
     }
     headline = f"{problem.id}: {problem.title}. {problem.reference}"
     tables: list[Rows] = [(headline, ["case field", "value"], list(case.items()))]
@@ -149,7 +155,7 @@ def problem_sheet(problem: Problem) -> Sheet:
     ):
         if rows:
             tables.append((title, list(rows[0]), [list(row.values()) for row in rows]))
-    return Sheet(data, tables)
+    return Sheet(data, tables + _notes(problem))
 
 
 def audit_values(checked: Audit) -> dict[str, Any]:
@@ -215,6 +221,8 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
             for c in solution.conflicts
         ],
         "audit": audit_values(solution.audit) if solution.audit is not None else {"verdict": None, "rows": []},
+        "detail": solution.detail,
+        "notes": list(problem.notes),
     }
     effort = f"{solution.seconds:.2f} s, {solution.rounds} rounds, {solution.iterations} iterations"
     title = f"{problem.id}: {solution.status.value} in {effort}"
@@ -229,7 +237,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
     elif solution.conflicts:
         rows_ = [[c.row.limit, c.row.label, c.value, c.bound, c.excess, c.row.unit] for c in solution.conflicts]
         tables.append((title, ["limit", "joint", "value", "allowed", "excess", "unit"], rows_))
-    return Sheet(data, tables)
+    return Sheet(data, tables + _notes(problem))
 
 
 def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
@@ -250,6 +258,7 @@ def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
         "spread": front.spread(),
         "knee": knee,
         "info": dict(front.info),
+        "notes": list(front.problem.notes),
         "run": str(folder),
         "picture": str(folder / "front.png"),
     }
@@ -257,7 +266,7 @@ def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
         f"{front.problem.id}: {len(front)} proved points by {front.method} in {front.seconds:.1f} s; "
         f"hypervolume {volume.value:.4f}, spread {front.spread():.3f}, knee at point {knee}"
     )
-    return Sheet(data, [(title, ["point", *columns], rows)])
+    return Sheet(data, [(title, ["point", *columns], rows), *_notes(front.problem)])
 
 
 def payload_sheet(found: LargestPayload) -> Sheet:

@@ -6,8 +6,8 @@ Objectives          time (13); effort, work and jerk, which the paper leaves to 
 Subject to          velocity (14), acceleration (15) for all t; jerk if given; positions and efforts of the maker
 Deviations
   Table 2 is in degrees (printed rad), as the teach pendant shows them: its joint 3 is measured from the horizontal. Its
-  joint 3 at X2 is -63.179: with that sign the first three poses turn about the vertical and the last move is a pure
-  translation; ``as_printed`` keeps the printed 63.179. Table 1, row 4: a = 195 mm (printed 1100).
+  joint 3 at X2 is -63.179: with that sign the last move is a pure translation, as the first is a turn about the
+  vertical; ``as_printed`` keeps the printed 63.179. Table 1, row 4: a = 195 mm (printed 1100).
   The paper gives no limits. Velocities, positions, inertias and efforts are those of the maker's robot description
   (FANUC Corporation, fanuc_description, m10_8-20d, Apache-2.0); its efforts look like round placeholders. Accelerations
   are our choice: 2 v_max per second. One (t1, t2, t3) for all joints; ``timing="per_joint"`` is the paper's recipe,
@@ -17,13 +17,14 @@ Deviations
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import pi
 from typing import Any
 
 import casadi
 import numpy as np
 import pinocchio as pin
 from numpy.polynomial.legendre import leggauss
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.chain import AxisJoint, LinkInertia
 from ocp_traj.curves import polynomial_353
@@ -31,6 +32,7 @@ from ocp_traj.errors import InputError
 from ocp_traj.problem import Decomposition, Objective, Problem, Variable
 from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
 from ocp_traj.robot import ActuatorMap, Robot
+from ocp_traj.six_axis import Branches, SixAxisArm, wrapped
 
 Array = NDArray[np.float64]
 Six = tuple[float, ...]
@@ -41,7 +43,7 @@ VELOCITY = (210.0, 210.0, 220.0, 430.0, 450.0, 720.0)  # [deg/s], maker's descri
 ACCELERATION = tuple(2.0 * v for v in VELOCITY)  # [deg/s^2]: our choice
 EFFORT = (2000.0, 3000.0, 1000.0, 100.0, 100.0, 50.0)  # [N m], maker's description
 POSITION = ((-185.0, -90.0, -90.0, -190.0, -179.999, -450.0), (185.0, 145.0, 222.0, 190.0, 179.999, 450.0))  # [deg]
-SMOOTHING = 0.01  # [W] of |power|: sqrt(power^2 + s^2) exceeds it by at most this, a joint; our choice
+SMOOTHING = 0.1  # [W] of |power|: sqrt(power^2 + s^2) exceeds it by at most this, a joint; our choice
 PER_JOINT = {"size": 6, "empty": True}  # of a case field: six numbers, or none
 
 # Table 2 [deg], points X_0 .. X_3 by joint; joint 3 of X_2 prints 63.179.
@@ -71,24 +73,30 @@ LINKS = (
     ((0.0, 0.0, 0.0), (-1, 0, 0), 0.224, (0.0537, 0.0, 0.0),
      (0.000131, 0.0, 0.0, 0.000102, 0.0, 0.000102)),
 )  # fmt: skip
+FLANGE_AXES = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # of Table 1's frame 6 at zero
 FLANGE = 0.075  # [m] from the wrist along J6
+
+# Table 1 [m]: d1, a1, a2, a3, d4, d6; row 4 prints a3 = 1.1.
+TABLE_1 = {"d1": 0.45, "a1": 0.075, "a2": 0.84, "a3": 0.195, "d4": 1.1, "d6": 0.075}
+PRINTED_A3 = 1.1  # [m]
 
 
 @dataclass(frozen=True)
 class ZhuWang:
     """The paper's numbers; a field is what a user may change. Degrees, as in Table 2 and the maker's description."""
 
-    as_printed: bool = False  # joint 3 of X_2 with the printed sign
+    as_printed: bool = False  # joint 3 of X_2 with the printed sign; a3 of ``arm`` as printed
     velocity: Six = VELOCITY  # v_max [deg/s], (14): maker's description
     acceleration: Six = field(default=ACCELERATION, metadata=PER_JOINT)  # a_max [deg/s^2], (15): our choice; or none
     jerk: Six = field(default=(), metadata=PER_JOINT)  # [deg/s^3], or none
     payload: float = 0.0  # [kg], a point mass at the flange
-    effort_limits: bool = True  # whether the maker's efforts are limits
+    position_limits: bool = True  # whether the maker's ranges of the joints are limits; the paper has none
+    effort_limits: bool = True  # whether the maker's efforts are limits; the paper has none
     timing: str = "synchronised"  # of TIMINGS
     min_duration: float = 0.05  # [s], of each segment: our choice
     max_duration: float = 4.0  # [s]: our choice
     free_payload: bool = False  # whether the payload is a decision variable
-    max_payload: float = 100.0  # [kg], bound on the freed payload: our choice
+    max_payload: float = 150.0  # [kg], bound on the freed payload: our choice, beyond what the limits allow
 
     def __post_init__(self) -> None:
         """Checks the fields."""
@@ -129,7 +137,7 @@ def robot() -> Robot:
         rows=(),
         inertias=(),
         prefix=joints,
-        tool=pin.SE3(np.eye(3), np.array([FLANGE, 0.0, 0.0])),
+        tool=pin.SE3(FLANGE_AXES, np.array([FLANGE, 0.0, 0.0])),
         gravity=(0.0, 0.0, -9.81),
         joints=JOINTS,
         units=("rad",) * 6,
@@ -138,12 +146,94 @@ def robot() -> Robot:
     )
 
 
+def arm(case: ZhuWang | None = None) -> SixAxisArm:
+    """The arm of Table 1, for forward and inverse kinematics."""
+    return SixAxisArm(**{**TABLE_1, "a3": PRINTED_A3} if case and case.as_printed else TABLE_1)
+
+
+def pendant_to_table_1(q: ArrayLike) -> Array:
+    """Angles theta of Table 1 from the pendant's (Table 2), ``(.., 6)`` [rad]."""
+    j = np.asarray(q, dtype=float)
+    return np.stack(
+        [j[..., 0], j[..., 1] - pi / 2, -j[..., 1] - j[..., 2], -j[..., 3], -j[..., 4], -j[..., 5]], axis=-1
+    )
+
+
+def table_1_to_pendant(theta: ArrayLike) -> Array:
+    """The pendant's angles from Table 1's, ``(.., 6)`` [rad]; joints 2 and 3 on the turn that their ranges hold."""
+    th = np.asarray(theta, dtype=float)
+    serial = np.stack([th[..., 0], th[..., 1] + pi / 2, -th[..., 2], -th[..., 3], -th[..., 4], -th[..., 5]], axis=-1)
+    middle = np.radians(np.array(POSITION).mean(axis=0))
+    serial = middle + wrapped(serial - middle)
+    serial[..., 2] -= serial[..., 1]
+    return serial
+
+
+def forward_kinematics(q: ArrayLike, case: ZhuWang | None = None) -> tuple[Array, Array]:
+    """Flange poses, rotation ``(N, 3, 3)`` and position ``(N, 3)`` [m], of pendant angles ``(N, 6)`` [rad]."""
+    return arm(case).forward(pendant_to_table_1(q))
+
+
+def inverse_kinematics(rotation: ArrayLike, position: ArrayLike, case: ZhuWang | None = None) -> tuple[Array, Branches]:
+    """Pendant angles ``(N, 8, 6)`` [rad] that reach flange poses, NaN where a branch does not exist.
+
+    (3) as printed recovers no configuration. Whether the joints' ranges allow a branch is not looked at.
+
+    Returns:
+        the angles, and the branches in Table 1's angles, with what is singular and why one does not exist.
+    """
+    branches = arm(case).inverse(rotation, position)
+    return table_1_to_pendant(branches.angles), branches
+
+
 def via_points(case: ZhuWang) -> Array:
     """Table 2: the four points ``(4, 6)`` [rad]."""
     points = np.radians(np.array(TABLE_2).T)
     if case.as_printed:
         points[2, 2] = np.radians(PRINTED_SIGN)
     return points
+
+
+def notes(case: ZhuWang) -> tuple[str, ...]:
+    """What the paper leaves out and this case has."""
+
+    def numbers(values: Six, unit: str) -> str:
+        return f"{', '.join(f'{v:g}' for v in values)} {unit}" if values else "none"
+
+    source = {
+        "velocity": "the maker's description" if case.velocity == VELOCITY else "given",
+        "acceleration": "our choice, 2 v_max per second" if case.acceleration == ACCELERATION else "given",
+    }
+    said = [
+        f"v_max {numbers(case.velocity, 'deg/s')}: {source['velocity']}",
+        f"a_max {numbers(case.acceleration, 'deg/s2')}: {source['acceleration']}",
+    ]
+    if case.jerk:
+        said.append(f"jerk limit {numbers(case.jerk, 'deg/s3')}: given")
+    if case.effort_limits:
+        said.append(f"efforts {numbers(EFFORT, 'N m')}: the maker's description, round numbers that look provisional")
+    if case.timing == "per_joint":
+        said.append(
+            "timing per_joint, the paper's: every joint alone, then the longest of each phase; not an optimum, and not "
+            "always within the limits"
+        )
+    return tuple(said)
+
+
+def worst_worth_having(case: ZhuWang, points: Array) -> dict[str, float]:
+    """Reference point of fronts: our choice, from the fastest motion in three equal durations within (14), (15).
+
+    Twice its time; ten times its jerk; as effort one joint at its limit all that time; as work 1 kW all that time.
+    """
+    curve, slowest = polynomial_353(points, np.ones(3)), 0.0
+    for order, limits in enumerate((case.velocity, case.acceleration, case.jerk), 1):
+        if limits:
+            peaks = np.array([max(-e.lower, e.upper) for e in curve.extrema(order)])
+            slowest = max(slowest, float((peaks / np.radians(limits)).max() ** (1.0 / order)))
+    time = 6.0 * slowest
+    nodes, weights = np.array(gauss(3)).T
+    jerk = sum(float(weights @ (curve.at(k, nodes, 3) ** 2).sum(axis=1)) for k in range(3)) / slowest**5
+    return {"time": time, "effort": time, "work": 1000.0 * time, "jerk": 10.0 * jerk}
 
 
 def gauss(points: int) -> tuple[tuple[float, float], ...]:
@@ -176,11 +266,11 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
         return machine.effort(s.q, s.v, s.a, payload=s.p[0])
 
     limits = []
-    if whole:
+    if whole and case.position_limits:
         low, high = (np.radians(bound) for bound in POSITION)
         labels = ("J1", "J2", "J2 + J3", "J4", "J5", "J6")
         limits.append(
-            PathConstraint("position", lambda s: serial_angles(s.q), low, high, ("rad",) * 6, labels, "maker")
+            PathConstraint("position-limit", lambda s: serial_angles(s.q), low, high, ("rad",) * 6, labels, "maker")
         )
     bounds = (
         ("velocity", case.velocity, "(14)"),
@@ -213,11 +303,11 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
         strength = casadi.DM(EFFORT)
         objectives += [
             Objective(
-                "effort", "s", 1.0, eq="sect. 5", quadrature=gauss(10),
+                "effort", "s", 1.0, eq="sect. 5", quadrature=gauss(16),
                 integrand=lambda s: casadi.sumsqr(torque(s) / strength),
             ),
             Objective(
-                "work", "J", 1000.0, eq="sect. 5", quadrature=gauss(16),
+                "work", "J", 1000.0, eq="sect. 5", quadrature=gauss(24),
                 integrand=lambda s: casadi.sum1(casadi.sqrt((torque(s) * s.v) ** 2 + SMOOTHING**2)),
             ),
         ]  # fmt: skip
@@ -248,10 +338,11 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
         parameters=lambda x: x[3:4] if free else casadi.SX(case.payload),
         objectives=tuple(objectives),
         default_objective="time",
-        reference_point={"time": 4.0, "effort": 4.0, "work": 4000.0, "jerk": 1e5},
+        reference_point=worst_worth_having(case, points) if whole else {},
         requirements=Requirements(joints, ("rad",) * count, tuple(limits), (rest, via), ("payload",), continuity=2),
         guess=guess,
         dilate=lambda x, s: np.concatenate([np.asarray(x)[:3] * s, np.asarray(x)[3:]]),
+        notes=notes(case),
         decomposition=Decomposition(parts, lambda xs: np.max(xs, axis=0)) if parts else None,
     )
 
