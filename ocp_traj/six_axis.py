@@ -69,7 +69,7 @@ class Branches:
         """Returns itself, or raises ``InputError`` where a pose has no configuration at all."""
         lost = np.nonzero(~self.exists.any(axis=1))[0]
         if len(lost):
-            raise InputError(f"inverse kinematics: pose {lost[0]} is out of reach: {self.reasons[lost[0], 0]}")
+            raise InputError(f"inverse kinematics: pose {lost[0]} is {self.reasons[lost[0], 0]}")
         return self
 
 
@@ -168,9 +168,7 @@ class SixAxisArm:
     def _reach(self) -> float:
         return abs(self.a1) + self.a2 + self.forearm
 
-    def _reasons(
-        self, far: Array, reachable: NDArray[np.bool_], singular: NDArray[np.bool_]
-    ) -> NDArray[np.object_]:
+    def _reasons(self, far: Array, reachable: NDArray[np.bool_], singular: NDArray[np.bool_]) -> NDArray[np.object_]:
         words = (
             "shoulder singular: the wrist is on the base axis, theta_1 is free and set to 0",
             "elbow singular: the arm is stretched or folded, both elbow branches are one",

@@ -153,16 +153,14 @@ def arm(case: ZhuWang | None = None) -> SixAxisArm:
 
 def pendant_to_table_1(q: ArrayLike) -> Array:
     """Angles theta of Table 1 from the pendant's (Table 2), ``(.., 6)`` [rad]."""
-    j = np.asarray(q, dtype=float)
-    return np.stack(
-        [j[..., 0], j[..., 1] - pi / 2, -j[..., 1] - j[..., 2], -j[..., 3], -j[..., 4], -j[..., 5]], axis=-1
-    )
+    j1, j2, j3, j4, j5, j6 = np.moveaxis(np.asarray(q, dtype=float), -1, 0)
+    return np.asarray(np.stack([j1, j2 - pi / 2, -j2 - j3, -j4, -j5, -j6], axis=-1))
 
 
 def table_1_to_pendant(theta: ArrayLike) -> Array:
     """The pendant's angles from Table 1's, ``(.., 6)`` [rad]; joints 2 and 3 on the turn that their ranges hold."""
-    th = np.asarray(theta, dtype=float)
-    serial = np.stack([th[..., 0], th[..., 1] + pi / 2, -th[..., 2], -th[..., 3], -th[..., 4], -th[..., 5]], axis=-1)
+    th1, th2, th3, th4, th5, th6 = np.moveaxis(np.asarray(theta, dtype=float), -1, 0)
+    serial = np.asarray(np.stack([th1, th2 + pi / 2, -th3, -th4, -th5, -th6], axis=-1))
     middle = np.radians(np.array(POSITION).mean(axis=0))
     serial = middle + wrapped(serial - middle)
     serial[..., 2] -= serial[..., 1]
