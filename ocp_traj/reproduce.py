@@ -8,13 +8,14 @@ from ocp_traj import problems
 from ocp_traj.comparison import Comparison, Erratum, Reproduction, Run
 from ocp_traj.errors import InputError, UnknownName
 from ocp_traj.progress import Progress, silent
-from ocp_traj.reproductions import hybrid_spline
+from ocp_traj.reproductions import hybrid_spline, rotor_353
 
 __all__ = ["REGISTRY", "Comparison", "Erratum", "Reproduction", "Run", "names", "reproduce"]
 
 # id: (seeds, progress) -> Reproduction. A new paper is one module and one line here.
 REGISTRY: dict[str, Callable[[int, Progress], Reproduction]] = {
     "hybrid-spline": hybrid_spline.run,
+    "rotor-353": rotor_353.run,
 }
 
 

@@ -164,7 +164,7 @@ def table_1_to_pendant(theta: ArrayLike) -> Array:
     middle = np.radians(np.array(POSITION).mean(axis=0))
     serial = middle + wrapped(serial - middle)
     serial[..., 2] -= serial[..., 1]
-    return serial
+    return np.asarray(serial)
 
 
 def forward_kinematics(q: ArrayLike, case: ZhuWang | None = None) -> tuple[Array, Array]:
@@ -175,7 +175,8 @@ def forward_kinematics(q: ArrayLike, case: ZhuWang | None = None) -> tuple[Array
 def inverse_kinematics(rotation: ArrayLike, position: ArrayLike, case: ZhuWang | None = None) -> tuple[Array, Branches]:
     """Pendant angles ``(N, 8, 6)`` [rad] that reach flange poses, NaN where a branch does not exist.
 
-    (3) as printed recovers no configuration. Whether the joints' ranges allow a branch is not looked at.
+    (3) as printed takes the flange for the wrist and has signs of another arm. Whether the joints' ranges allow a
+    branch is not looked at.
 
     Returns:
         the angles, and the branches in Table 1's angles, with what is singular and why one does not exist.
@@ -189,7 +190,7 @@ def via_points(case: ZhuWang) -> Array:
     points = np.radians(np.array(TABLE_2).T)
     if case.as_printed:
         points[2, 2] = np.radians(PRINTED_SIGN)
-    return points
+    return np.asarray(points)
 
 
 def notes(case: ZhuWang) -> tuple[str, ...]:
@@ -346,5 +347,17 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
 
 
 # What the paper reports, sect. 4 [s].
-PHASES = (0.311, 0.660, 1.676)
-TOTAL = 2.647
+PHASES = ("0.311", "0.660", "1.676")  # t1, t2, t3
+TOTAL = "2.647"
+SHORTENED = "56"  # [%]
+GUESS = 2.0  # [s], of each phase to begin with
+# As printed: Table 1 [mm], rows i of a_{i-1} and d_i; Table 2 [deg], printed rad, X_0 .. X_3 a joint.
+TABLE_1_PRINTED = (("0", "450"), ("75", "0"), ("840", "0"), ("1100", "1100"), ("0", "0"), ("0", "75"))
+TABLE_2_PRINTED = """
+-23.496 -20.128  -7.361  -8.055
+ 73.451  80.381  68.721  61.474
+-62.949 -55.208  63.179 -68.520
+ 77.747  78.321 -35.605 -29.593
+ 41.879  35.783  27.940  32.293
+ -2.099 -12.636  53.129  46.917
+"""
