@@ -43,7 +43,11 @@ VELOCITY = (210.0, 210.0, 220.0, 430.0, 450.0, 720.0)  # [deg/s], maker's descri
 ACCELERATION = tuple(2.0 * v for v in VELOCITY)  # [deg/s^2]: our choice
 EFFORT = (2000.0, 3000.0, 1000.0, 100.0, 100.0, 50.0)  # [N m], maker's description
 POSITION = ((-185.0, -90.0, -90.0, -190.0, -179.999, -450.0), (185.0, 145.0, 222.0, 190.0, 179.999, 450.0))  # [deg]
-SMOOTHING = 0.1  # [W] of |power|: sqrt(power^2 + s^2) exceeds it by at most this, a joint; our choice
+# [W] of |power|: sqrt(power^2 + s^2) exceeds it by at most s, and work comes out at most 6 s T too large. Our choice.
+SMOOTHING = 0.1
+# Gauss-Legendre nodes a segment, our choice. Measured on 22 motions of 1.4 to 4.3 s against finer rules: effort within
+# 1.4e-7 of its value, work within 0.3 %, smoothing included; squared jerk is of degree 4, so that 3 nodes are exact.
+NODES = {"effort": 16, "work": 24, "jerk": 3}
 PER_JOINT = {"size": 6, "empty": True}  # of a case field: six numbers, or none
 
 # Table 2 [deg], points X_0 .. X_3 by joint; joint 3 of X_2 prints 63.179.
@@ -224,13 +228,13 @@ def worst_worth_having(case: ZhuWang, points: Array) -> dict[str, float]:
 
     Twice its time; ten times its jerk; as effort one joint at its limit all that time; as work 1 kW all that time.
     """
-    curve, slowest = polynomial_353(points, np.ones(3)), 0.0
+    curve, slowest = polynomial_353(points, np.ones(3)), case.min_duration
     for order, limits in enumerate((case.velocity, case.acceleration, case.jerk), 1):
         if limits:
             peaks = np.array([max(-e.lower, e.upper) for e in curve.extrema(order)])
             slowest = max(slowest, float((peaks / np.radians(limits)).max() ** (1.0 / order)))
     time = 6.0 * slowest
-    nodes, weights = np.array(gauss(3)).T
+    nodes, weights = np.array(gauss(NODES["jerk"])).T
     jerk = sum(float(weights @ (curve.at(k, nodes, 3) ** 2).sum(axis=1)) for k in range(3)) / slowest**5
     return {"time": time, "effort": time, "work": 1000.0 * time, "jerk": 10.0 * jerk}
 
@@ -258,7 +262,7 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
     durations = Variable(
         "t", np.full(3, case.min_duration), np.full(3, case.max_duration), "s", ("t1", "t2", "t3"), "(13)"
     )
-    mass = Variable("payload", np.zeros(1), np.array([case.max_payload]), "kg", ("payload",), "sect. 4")
+    mass = Variable("payload", np.zeros(1), np.array([case.max_payload]), "kg", ("payload",), "ours")
     free = case.free_payload
 
     def torque(s: State) -> Any:
@@ -302,23 +306,26 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
         strength = casadi.DM(EFFORT)
         objectives += [
             Objective(
-                "effort", "s", 1.0, eq="sect. 5", quadrature=gauss(16),
+                "effort", "s", 1.0, eq="sect. 5", quadrature=gauss(NODES["effort"]),
                 integrand=lambda s: casadi.sumsqr(torque(s) / strength),
             ),
             Objective(
-                "work", "J", 1000.0, eq="sect. 5", quadrature=gauss(24),
+                "work", "J", 1000.0, eq="sect. 5", quadrature=gauss(NODES["work"]),
                 integrand=lambda s: casadi.sum1(casadi.sqrt((torque(s) * s.v) ** 2 + SMOOTHING**2)),
             ),
         ]  # fmt: skip
     objectives.append(
         Objective(
-            "jerk", "rad2/s5", 1000.0, eq="sect. 5", quadrature=gauss(3), integrand=lambda s: casadi.sumsqr(s.jerk)
+            "jerk",
+            "rad2/s5",
+            1000.0,
+            eq="sect. 5",
+            quadrature=gauss(NODES["jerk"]),
+            integrand=lambda s: casadi.sumsqr(s.jerk),
         )
     )
     if free:
-        objectives.append(
-            Objective("payload_mass", "kg", 10.0, sense="max", eq="sect. 4", of_variables=lambda x, p: x[3])
-        )
+        objectives.append(Objective("payload_mass", "kg", 10.0, sense="max", eq="ours", of_variables=lambda x, p: x[3]))
 
     def guess(rng: np.random.Generator) -> Array:
         t = np.exp(rng.uniform(np.log(max(0.2, case.min_duration)), np.log(max(2.0, case.min_duration)), 3))

@@ -1,5 +1,6 @@
 """Zhu and Wang: its curve, limits, robot and kinematics, against computations that share nothing with the package."""
 
+import json
 from collections.abc import Iterator
 from math import pi
 
@@ -11,6 +12,7 @@ from numpy.testing import assert_allclose
 
 import ocp_traj as ot
 from ocp_traj import problems
+from ocp_traj.cli import run
 from ocp_traj.curves import polynomial_353
 from ocp_traj.errors import InputError, ProblemDefinitionError
 from ocp_traj.nlp import Solution, Status
@@ -484,6 +486,25 @@ def test_per_joint_has_no_front_no_effort_and_no_free_payload() -> None:
         ot.solve(problem, objective="effort")
     with pytest.raises(InputError, match="timing per_joint has no payload to choose"):
         problems.load("rotor-353", timing="per_joint", free_payload=True)
+
+
+@pytest.mark.parametrize(("printed", "code", "verdict"), [("false", 0, "proved"), ("true", 1, "violated")])
+def test_command_line_tells_a_recipe_that_breaks_limits(
+    printed: str, code: int, verdict: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["solve", "rotor-353", "--set", "timing=per_joint", "--set", f"as_printed={printed}", "--json"]
+    assert run(words) == code
+    out = json.loads(capsys.readouterr().out)
+    assert out["audit"]["verdict"] == verdict
+    assert out["detail"] == "6 parts solved alone and combined: not an optimum of the whole"
+    assert any("our choice, 2 v_max per second" in note for note in out["notes"])
+    assert (out["status"] == "not proved") == bool(code)
+
+
+def test_the_case_and_what_the_paper_leaves_out_are_on_the_sheet(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["show", "rotor-353"]) == 0
+    out = capsys.readouterr().out
+    assert "Not in the paper" in out and "our choice, 2 v_max per second" in out and "provisional" in out
 
 
 def test_a_recipe_whose_part_has_no_solution_says_which() -> None:
