@@ -26,6 +26,7 @@ import pinocchio as pin
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import ArrayLike, NDArray
 
+from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.chain import AxisJoint, LinkInertia
 from ocp_traj.curves import polynomial_353
 from ocp_traj.errors import InputError
@@ -223,20 +224,28 @@ def notes(case: ZhuWang) -> tuple[str, ...]:
     return tuple(said)
 
 
-def worst_worth_having(case: ZhuWang, points: Array) -> dict[str, float]:
+def worst_worth_having(case: ZhuWang, points: Array, machine: Robot) -> dict[str, float]:
     """Reference point of fronts: our choice, from the fastest motion in three equal durations within (14), (15).
 
-    Twice its time; ten times its jerk; as effort one joint at its limit all that time; as work 1 kW all that time.
+    Twice its time and effort, four times its work, ten times its squared jerk.
     """
-    curve, slowest = polynomial_353(points, np.ones(3)), case.min_duration
+    unit, slowest = polynomial_353(points, np.ones(3)), case.min_duration
     for order, limits in enumerate((case.velocity, case.acceleration, case.jerk), 1):
         if limits:
-            peaks = np.array([max(-e.lower, e.upper) for e in curve.extrema(order)])
+            peaks = np.array([max(-e.lower, e.upper) for e in unit.extrema(order)])
             slowest = max(slowest, float((peaks / np.radians(limits)).max() ** (1.0 / order)))
-    time = 6.0 * slowest
-    nodes, weights = np.array(gauss(NODES["jerk"])).T
-    jerk = sum(float(weights @ (curve.at(k, nodes, 3) ** 2).sum(axis=1)) for k in range(3)) / slowest**5
-    return {"time": time, "effort": time, "work": 1000.0 * time, "jerk": 10.0 * jerk}
+    curve = PiecewiseBezier(np.full(3, slowest), unit.control_points)
+    nodes, weights = np.array(gauss(NODES["effort"])).T
+    q, v, a, jerk = (np.concatenate([curve.at(k, nodes, order) for k in range(3)]).T for order in range(4))
+    symbols = [casadi.SX.sym(name, 6) for name in "qva"]
+    effort = casadi.Function("effort", symbols, [machine.effort(*symbols, payload=case.payload)])
+    tau, share = np.array(effort(q, v, a)), slowest * np.tile(weights, 3)
+    return {
+        "time": 6.0 * slowest,
+        "effort": 2.0 * float(share @ ((tau / np.array(EFFORT)[:, None]) ** 2).sum(axis=0)),
+        "work": 4.0 * float(share @ np.abs(tau * v).sum(axis=0)),
+        "jerk": 10.0 * float(share @ (jerk**2).sum(axis=0)),
+    }
 
 
 def gauss(points: int) -> tuple[tuple[float, float], ...]:
@@ -344,7 +353,7 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
         parameters=lambda x: x[3:4] if free else casadi.SX(case.payload),
         objectives=tuple(objectives),
         default_objective="time",
-        reference_point=worst_worth_having(case, points) if whole else {},
+        reference_point=worst_worth_having(case, points, machine) if whole else {},
         requirements=Requirements(joints, ("rad",) * count, tuple(limits), (rest, via), ("payload",), continuity=2),
         guess=guess,
         dilate=lambda x, s: np.concatenate([np.asarray(x)[:3] * s, np.asarray(x)[3:]]),
