@@ -2,30 +2,42 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 
 from ocp_traj import problems
+from ocp_traj.audit import audit
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.fixed_states import fixed_conflicts
 from ocp_traj.front import Front
 from ocp_traj.nlp import Solution, Status
-from ocp_traj.problem import Problem
+from ocp_traj.problem import Decomposition, Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.scalarise import Scalarisation, WeightedSum, check_names
-from ocp_traj.solvers.by_parts import solve_by_parts
+from ocp_traj.solvers.branch_and_bound import BranchAndBound, is_certifiable, require_certifiable
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
-from ocp_traj.solvers.multistart import Multistart
+from ocp_traj.solvers.ga import GA
+from ocp_traj.solvers.mopso import MOPSO
+from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.nsga2 import NSGA2
 from ocp_traj.solvers.pareto_set import FrontMethod
 from ocp_traj.solvers.payload import LargestPayload, along, static_bound, within
-from ocp_traj.solvers.repair import slow_down
+from ocp_traj.solvers.pso import PSO
+from ocp_traj.solvers.repair import largest_excess, slow_down
+from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
+from ocp_traj.transcription import trajectory
 
-METHODS = ("trace", "nsga2")
+FRONT_METHODS: dict[str, type[Any]] = {"trace": FrontTracer, "nsga2": NSGA2, "mopso": MOPSO}
+METHODS = tuple(FRONT_METHODS)
+POPULATION_METHODS: dict[str, type[Any]] = {"pso": PSO, "ga": GA}
+SOLVE_METHODS = ("exchange", *POPULATION_METHODS)
+MOST_DURATIONS = 4  # branch and bound by default up to here: its boxes multiply with every duration; our choice
 
 
 def scalarisation(problem: Problem, objective: str | None, weights: Mapping[str, float] | None) -> Scalarisation:
@@ -42,10 +54,13 @@ def solve(
     *,
     objective: str | None = None,
     weights: Mapping[str, float] | None = None,
+    method: str = "exchange",
     starts: int = 1,
     seed: int = 0,
     solver: Exchange | None = None,
+    certify: bool | None = None,
     progress: Progress = silent,
+    **options: Any,
 ) -> Solution:
     """Solves a problem for one objective or a weighted sum, and proves the result.
 
@@ -53,10 +68,14 @@ def solve(
         problem: from ``ocp_traj.problems.load``.
         objective: id of one objective; the problem's default if neither this nor weights are given.
         weights: {objective: weight}; what is minimised is sum_k w_k f_k / scale_k.
-        starts: random starts.
+        method: ``exchange`` (IPOPT, proved optimal to first order), ``pso`` or ``ga`` (the best of a population).
+        starts: random starts, or runs of a population.
         seed: of the starts.
-        solver: of each start.
+        solver: of each start of exchange.
+        certify: whether to prove global optimality by branch and bound, and to look for a better optimum where that
+            fails; by default where it applies, which is to what exchange finds for the shortest time of few durations.
         progress: told how far it is.
+        options: fields of the class of ``pso`` or ``ga``, such as ``population``.
 
     Returns:
         The best solution, with trajectory, objectives and audit; infeasible ones name the limits in conflict. A problem
@@ -64,7 +83,11 @@ def solve(
     """
     if starts < 1:
         raise InputError(f"starts is {starts}; give one or more")
+    if method not in SOLVE_METHODS:
+        raise InputError(f"there is no method {method!r}; methods are {', '.join(SOLVE_METHODS)}")
     scalar = scalarisation(problem, objective, weights)
+    if certify:
+        require_certifiable(problem, scalar)
     conflicts = fixed_conflicts(problem)
     if conflicts:
         # Broken where nothing can be changed: no solver needs to try.
@@ -74,18 +97,92 @@ def solve(
             conflicts=conflicts, detail="broken at an end, whatever the variables",
         )  # fmt: skip
     if problem.decomposition is not None:
-        return solve_by_parts(problem, scalar, Multistart(solver or Exchange(), starts, seed, progress))
-    one_start = solver or Exchange(progress=progress if starts == 1 else silent)
-    return Multistart(one_start, starts, seed, progress if starts > 1 else silent).solve(problem, scalar)
+        return _by_parts(problem, problem.decomposition, objective, weights, method, starts, seed, solver, **options)
+    if method in POPULATION_METHODS:
+        found = _population(problem, scalar, method, starts, seed, progress, **options)
+    else:
+        if options:
+            raise InputError(f"exchange has no options {', '.join(options)}; they belong to a population's method")
+        one_start = solver or Exchange(progress=progress if starts == 1 else silent)
+        found = Multistart(one_start, starts, seed, progress if starts > 1 else silent).solve(problem, scalar)
+    proved = found.audit is not None and found.audit.proved
+    default = method == "exchange" and problem.size <= MOST_DURATIONS and is_certifiable(problem, scalar)
+    wanted = default if certify is None else certify
+    if not (wanted and proved and found.ok):
+        return found
+    judge = BranchAndBound(progress=progress)
+    if method == "exchange":
+        return judge.improve(problem, scalar, found)
+    return replace(found, certificate=judge.certify(problem, scalar, found)[0])
 
 
-def front_method(method: str, *, points: int, seed: int, progress: Progress, **options: Any) -> FrontMethod:
-    """The front method of a name; ``options`` are fields of its class."""
-    if method == "trace":
-        return FrontTracer(points=points, seed=seed, progress=progress, **options)
-    if method == "nsga2":
-        return NSGA2(seed=seed, progress=progress, **options)
-    raise InputError(f"there is no method {method!r}; methods are {', '.join(METHODS)}")
+def _population(
+    problem: Problem, scalar: Scalarisation, method: str, runs: int, seed: int, progress: Progress, **options: Any
+) -> Solution:
+    """The best of some runs of a population, with seeds ``seed``, ``seed + 1``, .."""
+    chosen = configured(POPULATION_METHODS, method, seed=seed, progress=progress, **options)
+    found: list[Solution] = []
+    failure: NoSolutionFound | None = None
+    for k in range(runs):
+        try:
+            found.append(replace(chosen, seed=seed + k).solve(problem, scalar))
+        except NoSolutionFound as error:
+            failure = error
+    if not found and failure is not None:
+        raise failure
+    return best_of(found)
+
+
+def _by_parts(
+    problem: Problem, recipe: Decomposition, objective: str | None, weights: Mapping[str, float] | None,
+    method: str, starts: int, seed: int, solver: Exchange | None, **options: Any,
+) -> Solution:  # fmt: skip
+    """Parts solved alone and put together: the audit says what that is worth."""
+    begun, scalar = time.perf_counter(), scalarisation(problem, objective, weights)
+    parts: list[Solution] = []
+    for part in recipe.parts:
+        known = [o.id for o in part.objectives]
+        for name in scalar.names:
+            if name not in known:
+                raise InputError(
+                    f"{problem.id} is solved by parts here, and {part.title!r} has no objective {name!r}; "
+                    f"it has {', '.join(known)}"
+                )
+        solution = solve(
+            part, objective=objective, weights=weights, method=method, starts=starts, seed=seed, solver=solver,
+            certify=False, **options,
+        )  # fmt: skip
+        if not solution.ok:
+            return replace(solution, name=part.title, seconds=time.perf_counter() - begun)
+        parts.append(solution)
+    x = np.clip(recipe.combine([part.x for part in parts]), problem.lower, problem.upper)
+    candidate = trajectory(problem, x)
+    found = audit(candidate, problem.requirements)
+    values = evaluate_objectives(problem, x)
+    return Solution(
+        name=problem.id,
+        x=x,
+        f=float(sum(w * values[n] / problem.objective(n).scale for n, w in getattr(scalar, "weights", {}).items())),
+        status=Status.FEASIBLE if found.proved else Status.UNPROVED,
+        violation=0.0 if found.proved else largest_excess(problem, found),
+        iterations=sum(part.iterations for part in parts),
+        seconds=time.perf_counter() - begun,
+        objectives=values,
+        trajectory=candidate,
+        audit=found,
+        detail=f"{len(parts)} parts solved alone and put together: not an optimum of the whole",
+    )
+
+
+def configured(table: Mapping[str, type[Any]], method: str, **options: Any) -> Any:
+    """A method's object; options it does not have are refused."""
+    if method not in table:
+        raise InputError(f"there is no method {method!r}; methods are {', '.join(table)}")
+    known = [f.name for f in fields(table[method])]
+    for name in options:
+        if name not in known:
+            raise InputError(f"{method} has no option {name!r}; its options are {', '.join(known)}")
+    return table[method](**options)
 
 
 def pareto(
@@ -93,7 +190,6 @@ def pareto(
     objectives: Sequence[str],
     *,
     method: str = "trace",
-    points: int = 40,
     seed: int = 0,
     budget: float | None = None,
     keep_unproved: bool = False,
@@ -105,13 +201,12 @@ def pareto(
     Args:
         problem: from ``ocp_traj.problems.load``.
         objectives: two or more ids.
-        method: ``trace`` or ``nsga2``.
-        points: how many the tracer looks for.
+        method: one of ``METHODS``.
         seed: of everything random.
         budget: stop after this time [s] with what is there.
         keep_unproved: whether points stay that are not proved, even slowed down.
         progress: told how far it is.
-        options: fields of the method's class, such as ``population``.
+        options: fields of the method's class, such as ``points`` of trace and ``population`` of nsga2.
 
     Returns:
         The front: proved, non-dominated points.
@@ -126,7 +221,7 @@ def pareto(
         if not budget > 0.0:
             raise InputError(f"the budget is {budget} s; give a time above zero")
         options["max_seconds"] = budget
-    chosen = front_method(method, points=points, seed=seed, progress=progress, **options)
+    chosen: FrontMethod = configured(FRONT_METHODS, method, seed=seed, progress=progress, **options)
     conflicts = fixed_conflicts(problem)
     if conflicts:
         raise NoSolutionFound(

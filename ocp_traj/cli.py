@@ -21,9 +21,11 @@ from ocp_traj.errors import InputError, OcpTrajError
 from ocp_traj.export import export as run_export
 from ocp_traj.files import check_writable
 from ocp_traj.limits_file import check_joints, read_requirements
-from ocp_traj.plot import check_picture, plot_trajectory
+from ocp_traj.nlp import Status
+from ocp_traj.plot import check_picture, plot_trajectory, save_history
 from ocp_traj.problem import Problem
 from ocp_traj.reproduce import reproduce as run_reproduce
+from ocp_traj.solvers.pso import SCHEDULES
 from ocp_traj.store import check_target, save_run
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.verdicts import Audit
@@ -43,6 +45,8 @@ Fields = Annotated[
     list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="Change a field of the case; may be repeated.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Population = Annotated[int | None, typer.Option(help="Individuals, of methods with a population.", min=2)]
+Generations = Annotated[int | None, typer.Option(help="Generations or iterations of a population.", min=1)]
 Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
 
 
@@ -86,10 +90,24 @@ def solve(
         list[str] | None, typer.Option(metavar="NAME=W", help="Minimise sum W f / scale; may be repeated.")
     ] = None,
     set_: Fields = None,
+    method: Annotated[str, typer.Option(help=f"One of: {', '.join(api.SOLVE_METHODS)}.")] = "exchange",
     starts: Annotated[int, typer.Option(help="Random starts; the best result counts.", min=1)] = 1,
+    population: Population = None,
+    generations: Generations = None,
+    schedule: Annotated[str | None, typer.Option(help=f"Of pso; one of: {', '.join(SCHEDULES)}.")] = None,
+    handling: Annotated[str | None, typer.Option(help="Of limits: feasibility, penalty (pso) or death (ga).")] = None,
+    certify: Annotated[
+        bool | None,
+        typer.Option(
+            "--certify/--no-certify", help="Prove global optimality by branch and bound; done where it applies."
+        ),
+    ] = None,
     seed: Seed = 0,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the trajectory here (JSON).")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the trajectory here (PNG, PDF or SVG).")] = None,
+    history: Annotated[
+        Path | None, typer.Option(help="Draw (PNG, PDF or SVG) or write (CSV) how a population converged.")
+    ] = None,
     json: AsJson = False,
 ) -> int:
     """Solves a problem and proves the result.
@@ -98,15 +116,24 @@ def solve(
     """
     weights = {name: _number(value, f"--weight {name}") for name, value in _pairs(weight, "--weight").items()}
     chosen = _load(problem, set_)
-    if output is not None and output == plot:
-        raise InputError(f"-o and --plot both name {output}; give each its own file")
+    targets = [path for path in (output, plot, history) if path is not None]
+    if len(set(targets)) < len(targets):
+        raise InputError(f"{', '.join(map(str, targets))} name one file twice; give each its own")
     if plot is not None:
         check_picture(plot)
-    for path in (output, plot):
-        if path is not None:
-            check_writable(path)
+    if history is not None:
+        if method == "exchange":
+            raise InputError("--history is of a population; give --method pso or ga")
+        if history.suffix.lower() != ".csv":
+            check_picture(history)
+    for path in targets:
+        check_writable(path)
+    options = _given(population=population, generations=generations, schedule=schedule, handling=handling)
     with screen.progress("solving") as progress:
-        solution = api.solve(chosen, objective=objective, weights=weights, starts=starts, seed=seed, progress=progress)
+        solution = api.solve(
+            chosen, objective=objective, weights=weights, method=method, starts=starts, seed=seed, certify=certify,
+            progress=progress, **options,
+        )  # fmt: skip
     screen.show(screen.solution_sheet(chosen, solution), json)
     if solution.trajectory is None or solution.audit is None:
         screen.say(solution.explain())
@@ -115,6 +142,12 @@ def solve(
         screen.say(f"trajectory: {solution.trajectory.save(output)}")
     if plot is not None:
         screen.say(f"picture: {plot_trajectory(solution.trajectory, chosen.requirements, plot)}")
+    if history is not None and solution.history is not None:
+        screen.say(f"history: {save_history(solution.history, history)}")
+    if solution.certificate is not None:
+        screen.say(solution.certificate.explain())
+    if solution.status is Status.FEASIBLE:
+        screen.say(f"feasible, not optimal: {solution.detail}")
     return _verdict(solution.audit, solution.status.ok)
 
 
@@ -124,9 +157,9 @@ def pareto(
     objectives: Annotated[str, typer.Option(metavar="A,B[,..]", help="Objectives to trade.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN", help="Folder to write the run to.")],
     method: Annotated[str, typer.Option(help=f"One of: {', '.join(api.METHODS)}.")] = "trace",
-    points: Annotated[int, typer.Option(help="Points to trace.", min=2)] = 40,
-    population: Annotated[int, typer.Option(help="Individuals of nsga2.", min=4)] = 100,
-    generations: Annotated[int, typer.Option(help="Generations of nsga2.", min=1)] = 200,
+    points: Annotated[int | None, typer.Option(help="Points to trace; 40 if not given.", min=2)] = None,
+    population: Population = None,
+    generations: Generations = None,
     set_: Fields = None,
     seed: Seed = 0,
     budget: Annotated[
@@ -159,11 +192,11 @@ def pareto(
             f"{chosen.id} has no reference point for {', '.join(unbounded)}; give --reference {objectives}"
         )
     check_target(output, force)
-    options: dict[str, Any] = {"population": population, "generations": generations} if method == "nsga2" else {}
+    options = _given(points=points, population=population, generations=generations)
     with screen.progress(method) as progress:
         front = api.pareto(
-            chosen, names, method=method, points=points, seed=seed, budget=budget, keep_unproved=keep_unproved,
-            progress=progress, **options,
+            chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved, progress=progress,
+            **options,
         )  # fmt: skip
     if not len(front) and front.info.get("interrupted"):
         screen.say("interrupted before the first point was found; nothing is written")
@@ -245,7 +278,9 @@ def audit(
 @app.command()
 def reproduce(
     problem: ProblemName,
-    seeds: Annotated[int, typer.Option(help="Runs of the paper's stochastic method.", min=1)] = 3,
+    seeds: Annotated[
+        int | None, typer.Option(help="Runs of stochastic methods; as many as the claims need if not given.", min=1)
+    ] = None,
     json: AsJson = False,
 ) -> None:
     """Puts a paper's tables beside ours.
@@ -278,6 +313,11 @@ def export(
     written = run_export(source, format, target, samples=samples)
     screen.show(screen.Sheet({"written": str(written), "format": format}, []), json)
     screen.say(f"written: {written}")
+
+
+def _given(**options: Any) -> dict[str, Any]:
+    """Options that were given: a method refuses those it does not have."""
+    return {name: value for name, value in options.items() if value is not None}
 
 
 def _load(name: str, assignments: Sequence[str] | None) -> Problem:

@@ -86,13 +86,14 @@ class Run:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """A paper's results beside ours."""
+    """A paper's results beside ours; ``extra`` holds tables of another kind, by title."""
 
     problem: str
     reference: str
     comparisons: tuple[Comparison, ...]
     errata: tuple[Erratum, ...]
     runs: tuple[Run, ...] = field(default_factory=tuple)
+    extra: Mapping[str, pd.DataFrame] = field(default_factory=dict)
 
     @property
     def summary(self) -> pd.DataFrame:
@@ -103,11 +104,12 @@ class Reproduction:
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """The comparisons of each table, then ``Runs`` and ``Errata``."""
+        """The comparisons of each table, the extra tables, then ``Runs`` and ``Errata``."""
         tables: dict[str, pd.DataFrame] = {}
         for name in dict.fromkeys(c.table for c in self.comparisons):
             rows = [asdict(c) for c in self.comparisons if c.table == name]
             tables[name] = pd.DataFrame(rows).drop(columns="table")
+        tables |= self.extra
         tables["Runs"] = pd.DataFrame([_flat(run) for run in self.runs])
         tables["Errata"] = pd.DataFrame([asdict(erratum) for erratum in self.errata])
         return tables
@@ -115,7 +117,8 @@ class Reproduction:
     def to_dict(self) -> dict[str, Any]:
         """As plain JSON values."""
         counts = {row["table"]: {v: int(row[v]) for v in VERDICTS} for row in self.summary.to_dict("records")}
-        return {"format": FORMAT, **asdict(self), "summary": counts}
+        extra = {title: table.to_dict("records") for title, table in self.extra.items()}
+        return {"format": FORMAT, **asdict(replace(self, extra={})), "extra": extra, "summary": counts}
 
 
 def _flat(run: Run) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ocp_traj.errors import NoSolutionFound, ProblemDefinitionError
@@ -140,6 +141,40 @@ class Conflict:
         return f"{name}{where}: held at its bound {self.bound:.6g} {self.row.unit}"
 
 
+@dataclass(frozen=True)
+class Certificate:
+    """How far from the global optimum a solution is at most.
+
+    Attributes:
+        lower: no feasible trajectory has a smaller objective.
+        upper: the solution's own, proved feasible.
+        certified: whether the gap is within the tolerance asked for.
+        boxes: bounded on the way.
+        seconds: spent.
+        argument: what was proved, and what was left out of the lower bound.
+    """
+
+    lower: float
+    upper: float
+    certified: bool
+    boxes: int
+    seconds: float
+    argument: str
+
+    @property
+    def gap(self) -> float:
+        """Upper - lower, relative to upper."""
+        return (self.upper - self.lower) / abs(self.upper) if self.upper else 0.0
+
+    def explain(self) -> str:
+        """One line."""
+        word = "certified" if self.certified else "not certified"
+        return (
+            f"{word}: no solution is below {self.lower:.10g}, this one is {self.upper:.10g}, a relative gap of "
+            f"{self.gap:.1e} ({self.argument}; {self.boxes} boxes, {self.seconds:.2f} s)"
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
     """What a solver found, the same type for every solver.
@@ -160,6 +195,8 @@ class Solution:
         instants: where constraint exchange ended up imposing the limits.
         rounds, row_count: of constraint exchange.
         detail: the solver's own words.
+        certificate: of global optimality, where one was asked for.
+        history: of a population, a row a generation.
     """
 
     name: str
@@ -180,6 +217,8 @@ class Solution:
     rounds: int = 1
     row_count: int = 0
     detail: str = ""
+    certificate: Certificate | None = None
+    history: pd.DataFrame | None = None
 
     @property
     def ok(self) -> bool:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -214,6 +215,33 @@ def check_picture(path: str | Path) -> str:
             f"a picture is written as {', '.join(SUFFIXES)}; {Path(path).name!r} ends otherwise: change its suffix"
         )
     return kind
+
+
+def plot_convergence(histories: Mapping[str, pd.DataFrame], path: str | Path, lower: float | None = None) -> Path:
+    """Draws the best value of populations over their evaluations, one line a run.
+
+    Args:
+        histories: by name; see ``ocp_traj.solvers.evolution.Evolution``.
+        path: of the picture.
+        lower: a value that no solution is below, drawn as a line.
+    """
+    figure = Figure(figsize=(7.0, 4.8), layout="constrained")
+    axes: Axes = figure.subplots()
+    for name, history in histories.items():
+        axes.step(history["evaluations"], history["best"], where="post", label=name, linewidth=1.2)
+    if lower is not None:
+        axes.axhline(lower, color=LIMIT, linewidth=1.0, linestyle="--", label="lower bound")
+    axes.set_xlabel("evaluations")
+    axes.set_ylabel("best feasible value")
+    axes.legend(fontsize=8)
+    return _save(figure, path)
+
+
+def save_history(history: pd.DataFrame, path: str | Path) -> Path:
+    """How a population converged, as a CSV table or a picture, by the suffix."""
+    if Path(path).suffix.lower() == ".csv":
+        return write_with(path, lambda temporary: history.to_csv(temporary))
+    return plot_convergence({"best": history}, path)
 
 
 def _save(figure: Figure, path: str | Path) -> Path:

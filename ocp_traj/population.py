@@ -68,11 +68,13 @@ class Population:
         problem: whose objectives and limits.
         objectives: ids, in the order wanted.
         per_segment: instants a segment at which limits are looked at.
+        refine: whether peaks between instants are estimated by parabolas through three of them: closer, and no proof
+            either.
     """
 
-    def __init__(self, problem: Problem, objectives: Sequence[str], per_segment: int = 5) -> None:
+    def __init__(self, problem: Problem, objectives: Sequence[str], per_segment: int = 5, refine: bool = False) -> None:
         """Compiles the tapes; see the class."""
-        self.problem, self.names = problem, tuple(objectives)
+        self.problem, self.names, self.refine = problem, tuple(objectives), refine
         self._plain = plain_objectives(problem, self.names)
         curve = curve_function(problem)
         self._curve = Tape(curve)
@@ -111,7 +113,10 @@ class Population:
             for p, (rows, cols) in zip(flat, self._shapes, strict=True)
         ]
         states = {nodes: nodes.states(points, durations) for nodes in {nodes for _, nodes, _ in self._limits}}
-        violations = [_violation(limit, nodes, tape, states[nodes], parameters) for limit, nodes, tape in self._limits]
+        violations = [
+            _violation(limit, nodes, tape, states[nodes], parameters, self.refine)
+            for limit, nodes, tape in self._limits
+        ]
         values: dict[str, Array] = {}
         for name, objective in self._plain.items():
             if objective.terms is not None:
@@ -128,7 +133,9 @@ class Population:
         )
 
 
-def _violation(limit: PathConstraint, nodes: _Nodes, tape: Tape, states: Array, parameters: Array) -> Array:
+def _violation(
+    limit: PathConstraint, nodes: _Nodes, tape: Tape, states: Array, parameters: Array, refine: bool
+) -> Array:
     """Largest excess of each row over the nodes, in units of the limit's scale: ``(rows, N)``."""
     if limit.order is not None:
         values = states[limit.order]
@@ -136,7 +143,24 @@ def _violation(limit: PathConstraint, nodes: _Nodes, tape: Tape, states: Array, 
         values = _over_nodes(tape, states, nodes, parameters, limit.constants)
     scale = limit.scale[:, None]
     high, low = values.max(axis=1), values.min(axis=1)
+    if refine:
+        high, low = np.maximum(high, _between(values, nodes)), np.minimum(low, -_between(-values, nodes))
     return np.asarray(np.maximum(high - limit.upper[:, None], limit.lower[:, None] - low) / scale)
+
+
+def _between(values: Array, nodes: _Nodes) -> Array:
+    """Largest vertex of the parabolas through three neighbouring nodes of a segment ``(rows, N)``; -inf for none.
+
+    The last node of a segment may be the first of the next one, where the limit is continuous there.
+    """
+    inside = (nodes.segment[:-2] == nodes.segment[1:-1]) & (nodes.u[1:-1] > 0.0) & (nodes.u[1:-1] < 1.0)
+    a, b, c = values[:, :-2][:, inside], values[:, 1:-1][:, inside], values[:, 2:][:, inside]
+    if not inside.any():
+        return np.full(values[:, 0].shape, -np.inf)
+    bend = a - 2.0 * b + c
+    with np.errstate(divide="ignore", invalid="ignore"):
+        peak = b - (a - c) ** 2 / (8.0 * bend)
+    return np.asarray(np.where((b >= a) & (b >= c) & (bend < 0.0), peak, -np.inf).max(axis=1))
 
 
 def _over_nodes(tape: Tape, states: Array, nodes: _Nodes, parameters: Array, constants: Array | None) -> Array:

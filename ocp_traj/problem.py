@@ -129,6 +129,8 @@ class Problem:
         default_objective: what ``solve`` minimises when not told.
         reference_point: per objective, the worst value worth having: it bounds a front and its hypervolume.
         decomposition: solve by parts, as a paper does, in place of the whole.
+        scales_in_time: the variables are the durations of the segments, all of them and nothing else, and the path
+            depends on their ratios alone: s x is the same path, s times slower.
         notes: what this case fills in where the paper says nothing; shown with the problem and with every result.
     """
 
@@ -148,6 +150,7 @@ class Problem:
     default_objective: str = ""
     reference_point: Mapping[str, float] = field(default_factory=dict)
     decomposition: Decomposition | None = None
+    scales_in_time: bool = False
     notes: tuple[str, ...] = ()
     _functions: dict[str, Any] = field(default_factory=dict, repr=False, init=False)
 

@@ -19,7 +19,7 @@ from rich.text import Text
 
 from ocp_traj import progress as progress_module
 from ocp_traj.front import Front, Hypervolume
-from ocp_traj.nlp import Solution
+from ocp_traj.nlp import Certificate, Solution
 from ocp_traj.problem import Problem
 from ocp_traj.reproduce import Reproduction
 from ocp_traj.solvers.payload import LargestPayload
@@ -71,6 +71,10 @@ def progress(title: str) -> Iterator[progress_module.Progress]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=None, words="")
         yield lambda done, total, words: bar.update(task, completed=done, total=total or None, words=words)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _text(value: Any) -> str:
@@ -220,12 +224,16 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
             }
             for c in solution.conflicts
         ],
+        "certificate": None
+        if solution.certificate is None
+        else {**vars(solution.certificate), "gap": solution.certificate.gap},
         "audit": audit_values(solution.audit) if solution.audit is not None else {"verdict": None, "rows": []},
         "detail": solution.detail,
         "notes": list(problem.notes),
     }
-    effort = f"{solution.seconds:.2f} s, {solution.rounds} rounds, {solution.iterations} iterations"
-    title = f"{problem.id}: {solution.status.value} in {effort}"
+    effort = f"{solution.seconds:.2f} s, {_count(solution.rounds, 'round')}, {_count(solution.iterations, 'iteration')}"
+    certified = ", certified" if solution.certificate is not None and solution.certificate.certified else ""
+    title = f"{problem.id}: {solution.status.value}{certified} in {effort}"
     tables: list[Rows] = []
     if solution.audit is not None:
         tables.append(
@@ -238,6 +246,10 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         rows_ = [[c.row.limit, c.row.label, c.value, c.bound, c.excess, c.row.unit] for c in solution.conflicts]
         tables.append((title, ["limit", "joint", "value", "allowed", "excess", "unit"], rows_))
     return Sheet(data, tables + _notes(problem))
+
+
+def _certificate(found: Certificate | None) -> dict[str, Any] | None:
+    return None if found is None else {**vars(found), "gap": found.gap}
 
 
 def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:

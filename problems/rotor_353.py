@@ -357,6 +357,7 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
         requirements=Requirements(joints, ("rad",) * count, tuple(limits), (rest, via), ("payload",), continuity=2),
         guess=guess,
         dilate=lambda x, s: np.concatenate([np.asarray(x)[:3] * s, np.asarray(x)[3:]]),
+        scales_in_time=not free,
         notes=notes(case),
         decomposition=Decomposition(parts, lambda xs: np.max(xs, axis=0)) if parts else None,
     )

@@ -18,8 +18,8 @@ from ocp_traj.verdicts import Audit
 
 Array = NDArray[np.float64]
 
-# Of the excess, as the factor's distance from 1; a limit on velocity needs hardly more than one.
-MULTIPLES = (1.0, 1.000001, 1.001, 1.1, 2.0, 10.0, 100.0)
+# Of the excess e, as the factor's distance from 1: a limit on the m-th derivative needs (1 + e)^(1/m) - 1 < e / m.
+MULTIPLES = (0.2500003, 0.3333337, 0.5000005, 1.000001, 1.001, 1.1, 2.0, 10.0, 100.0)
 LARGEST = 1.1  # factor: our choice; more than a tenth slower is another trajectory, not a mended one
 
 

@@ -157,7 +157,11 @@ def test_pareto_writes_a_run_and_never_overwrites_it(call: Call, tmp_path: Path)
     assert len(pd.read_parquet(exported)) == 3
     code, out, err = call(*arguments)
     assert code == json.loads(out)["exit_code"] == 2 and "--force" in one_line(err)
-    assert call(*arguments, "--force", "--method", "nsga2", "--population", "40", "--generations", "40")[0] == 0
+    evolved = ["--force", "--method", "nsga2", "--population", "40", "--generations", "40"]
+    code, out, err = call(*arguments, *evolved)
+    assert code == 2 and "nsga2 has no option 'points'" in one_line(err)
+    without = [a for a in arguments if a not in ("--points", "3")]
+    assert call(*without, *evolved)[0] == 0
     assert json.loads((folder / "run.json").read_text())["method"] == "nsga2"
 
 
@@ -209,7 +213,10 @@ BAD_INPUT = {
     "unwritable": (["solve", "hybrid-spline", "-o", "no/such/folder/t.json"], "cannot write.*folder"),
     "empty objective": (["solve", "hybrid-spline", "--objective", ""], "no objective ''"),
     "no picture": (["solve", "hybrid-spline", "--plot", "t.txt"], "png, .pdf, .svg"),
-    "one file for two": (["solve", "hybrid-spline", "-o", "t.png", "--plot", "t.png"], "both name t.png"),
+    "one file for two": (
+        ["solve", "hybrid-spline", "-o", "t.png", "--plot", "t.png"],
+        "t.png, t.png name one file twice",
+    ),
     "a device": (["solve", "hybrid-spline", "-o", os.devnull], "no plain file"),
     "unknown option": (["solve", "hybrid-spline", "--fast"], "--fast"),
     "unknown command": (["optimise"], "optimise"),

@@ -9,7 +9,8 @@ from numpy.testing import assert_array_equal
 from ocp_traj.errors import InputError, NoSolutionFound, UnknownName
 from ocp_traj.population import Population
 from ocp_traj.problem import Problem
-from ocp_traj.solvers.nsga2 import NSGA2, WORST, _Vectorised
+from ocp_traj.solvers.evolution import WORST, Vectorised
+from ocp_traj.solvers.nsga2 import NSGA2
 from ocp_traj.symbolic import evaluate_objectives
 from tests.closed_form import Quintic, mixed_problem, quintic_problem, stairs_problem
 
@@ -77,7 +78,7 @@ def test_an_objective_to_be_maximised_is_maximised() -> None:
 
 def test_an_individual_of_nan_gets_finite_values_and_a_large_violation() -> None:
     problem = mixed_problem()
-    target = _Vectorised(problem, ["time", "rough"], 5)
+    target = Vectorised(problem, ["time", "rough"], 5)
     x = np.array([problem.guess(np.random.default_rng(s)) for s in range(3)])
     x[1, 4] = np.nan
     out: dict[str, np.ndarray] = {}
@@ -93,7 +94,7 @@ def test_an_individual_of_nan_gets_finite_values_and_a_large_violation() -> None
 def test_a_zero_duration_cannot_reach_the_front() -> None:
     """Division by T = 0 makes the limits infinite or NaN, though the objective T1 + T2 is a sound 0."""
     problem = stairs_problem()
-    target = _Vectorised(problem, ["time"], 5)
+    target = Vectorised(problem, ["time"], 5)
     out: dict[str, np.ndarray] = {}
     with np.errstate(all="ignore"):
         target._evaluate(np.zeros((1, 2)), out)
@@ -116,17 +117,17 @@ def test_the_seed_decides_evolution_as_well_as_the_first_generation(hybrid: Prob
 def test_a_reference_point_bounds_a_front_but_not_a_single_objective() -> None:
     problem = quintic_problem()
     rows = sum(len(limit.labels) for limit in problem.requirements.path_constraints)
-    assert _Vectorised(problem, ["time", "effort"], 5).n_ieq_constr == rows + 2
-    assert _Vectorised(problem, ["time"], 5).n_ieq_constr == rows
+    assert Vectorised(problem, ["time", "effort"], 5).n_ieq_constr == rows + 2
+    assert Vectorised(problem, ["time"], 5).n_ieq_constr == rows
     out: dict[str, np.ndarray] = {}
-    _Vectorised(problem, ["time", "effort"], 5)._evaluate(np.array([[5.0]]), out)
+    Vectorised(problem, ["time", "effort"], 5)._evaluate(np.array([[5.0]]), out)
     assert out["G"][0, -2] == pytest.approx((5.0 - 4.0) / 2.0)  # over the scale of time
     assert out["G"][0, -1] < 0.0
 
 
 def test_where_nothing_is_feasible_it_says_so() -> None:
     problem = quintic_problem(Quintic(velocity=1e-3))  # T >= 1875 s, at most 10 s allowed
-    with pytest.raises(NoSolutionFound, match="quintic: no individual of NSGA-II met every .* in 3 generations of 8"):
+    with pytest.raises(NoSolutionFound, match="quintic: no individual of nsga2 met every .* in 3 generations of 8"):
         NSGA2(0, population=8, generations=3).pareto(problem, ["time", "effort"])
 
 

@@ -10,7 +10,15 @@ from ocp_traj.comparison import Comparison, Reproduction, Sheet
 from ocp_traj.curves import polynomial_353
 from ocp_traj.problems import rotor_353 as paper
 from ocp_traj.reproduce import reproduce
-from ocp_traj.reproductions.rotor_353 import demands, phases, poses, printed_table_2, sign_of_joint_3, tables
+from ocp_traj.reproductions.rotor_353 import (
+    demand_table,
+    demands,
+    phases,
+    poses,
+    printed_table_2,
+    sign_of_joint_3,
+    tables,
+)
 from ocp_traj.reproductions.rotor_353_errata import MISPRINTS, equation_errata, inverse_as_printed
 from ocp_traj.reproductions.rotor_353_limits import closest_phases, single_joint_peaks
 
@@ -26,8 +34,8 @@ def sheet() -> Sheet:
 
 @pytest.fixture(scope="module")
 def found() -> Reproduction:
-    """All of the paper that is not random."""
-    return reproduce("rotor-353", seeds=0)
+    """All of the paper, with one seed."""
+    return reproduce("rotor-353", seeds=1)
 
 
 def entry(found: Sheet | Reproduction, start: str) -> Comparison:
@@ -61,7 +69,10 @@ def test_corrected_poses_vanish_within_rounding_and_printed_ones_do_not(sheet: S
     assert poses["X2 to X3, turn, Tables 1 and 2 as printed"].verdict == "differs"
 
 
-def test_published_times_need_what_no_paper_gives() -> None:
+def test_published_times_need_what_the_paper_does_not_give() -> None:
+    table = demand_table().set_index(["variant", "joint"])
+    assert table.loc[("printed sign", "J3"), "of the maker's"] > 1.9
+    assert (table.loc["corrected sign", "of the maker's"] < 1.0).all()
     v, a = demands(False)
     assert a.argmax() == 5 and a[5] == approx(1670.2, abs=0.05)  # [deg/s2]
     v, a = demands(True)
@@ -126,7 +137,23 @@ def test_errata_show_their_numbers(sheet: Sheet) -> None:
 
 
 @pytest.mark.slow
+def test_optima_are_certified(found: Reproduction) -> None:
+    for words, lower in (("corrected sign", 1.73136), ("printed sign", 4.59645)):
+        assert f"certified: nothing below {lower}" in entry(found, f"time, all joints together, {words}").note
+
+
+@pytest.mark.slow
+def test_swarms_stand_beside_ipopt_and_branch_and_bound(found: Reproduction) -> None:
+    title, table = next((title, t) for title, t in found.extra.items() if title.startswith("Swarms"))
+    table = table.set_index("method")
+    assert "on 1 seed," in title and len(table) == 7
+    assert table.loc["PSO as printed", "within 0.1%"] == 0 and table.loc["PSO repaired", "within 0.1%"] == 1
+    assert table.loc["IPOPT with exchange", "worst gap"] < 1e-8
+    assert -1e-6 < table.loc["branch and bound, lower bound", "median gap"] <= 0.0
+
+
+@pytest.mark.slow
 def test_everything_is_plain_json(found: Reproduction) -> None:
-    plain = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    plain = json.loads(json.dumps(found.to_dict(), default=float))
     assert plain["summary"]["Table 1"] == {"agrees": 11, "erratum": 1, "differs": 0}
     assert "Runs" in found.tables and "Errata" in found.tables

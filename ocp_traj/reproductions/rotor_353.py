@@ -1,4 +1,4 @@
-"""Zhu and Wang reproduced: its tables, what its published times need, and its recipe beside the true optimum."""
+"""Zhu and Wang reproduced: tables, what the published times need, recipe and swarms beside the certified optimum."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
@@ -17,6 +18,8 @@ from ocp_traj.problems import rotor_353 as paper
 from ocp_traj.progress import Progress
 from ocp_traj.reproductions.rotor_353_errata import MISPRINTS, equation_errata, turn
 from ocp_traj.reproductions.rotor_353_limits import closest_phases
+from ocp_traj.reproductions.rotor_353_swarms import swarms
+from ocp_traj.solvers.pso import SCHEDULES
 
 Array = NDArray[np.float64]
 
@@ -33,6 +36,8 @@ def run(seeds: int, progress: Progress) -> Reproduction:
     """All of the paper's numbers beside ours; see ``ocp_traj.reproduce.reproduce``."""
     sheet = Sheet(MISPRINTS)
     runs: list[Run] = []
+    plain = problems.load("rotor-353")
+    extra: dict[str, pd.DataFrame] = {"What the published times need": demand_table()}
     steps: list[tuple[str, Callable[[], object]]] = [
         ("tables", lambda: tables(sheet)),
         ("poses", lambda: poses(sheet)),
@@ -43,13 +48,23 @@ def run(seeds: int, progress: Progress) -> Reproduction:
             for timing in paper.TIMINGS
         ),
     ]
+    total = len(steps) + seeds * len(SCHEDULES)
     for done, (words, step) in enumerate(steps):
-        progress(done, len(steps), words)
+        progress(done, total, words)
         step()
-    progress(len(steps), len(steps), "done")
+    done = len(steps)
+
+    def told(words: str) -> None:
+        nonlocal done
+        progress(done, total, words)
+        done += 1
+
+    if seeds:
+        title = f"Swarms on {seeds} seed{'' if seeds == 1 else 's'}, beside IPOPT and branch and bound"
+        extra[title] = swarms(plain, seeds, told)
+    progress(total, total, "done")
     errata = (*sheet.errata, *equation_errata())
-    reference = problems.load("rotor-353").reference
-    return Reproduction("rotor-353", reference, tuple(sheet.comparisons), errata, tuple(runs))
+    return Reproduction("rotor-353", plain.reference, tuple(sheet.comparisons), errata, tuple(runs), extra)
 
 
 # --- tables ---
@@ -143,6 +158,17 @@ def demands(sign: bool) -> Array:
     return np.asarray(np.degrees(np.array(peaks)))
 
 
+def demand_table() -> pd.DataFrame:
+    """What the published times need of each joint, for both signs."""
+    rows = [
+        (words, joint, v, v / v_max, a)
+        for sign, words in SIGNS.items()
+        for joint, v_max, v, a in zip(paper.JOINTS, paper.VELOCITY, *demands(sign), strict=True)
+    ]
+    columns = ["variant", "joint", "peak velocity [deg/s]", "of the maker's", "peak acceleration [deg/s2]"]
+    return pd.DataFrame(rows, columns=columns)
+
+
 def published(sheet: Sheet, runs: list[Run], sign: bool) -> None:
     """The published times: their sum, what they need, and why no limits make them optimal."""
     words, t = SIGNS[sign], phases()
@@ -189,6 +215,8 @@ def optimum(sheet: Sheet, runs: list[Run], sign: bool, timing: str) -> Solution:
     assert found.audit is not None and found.trajectory is not None
     words, together = SIGNS[sign], timing == "synchronised"
     note = f"{'exchange, IPOPT' if together else 'longest of each phase'}, {found.audit.verdict}; a_max is our choice"
+    if found.certificate is not None and found.certificate.certified:
+        note += f"; certified: nothing below {found.certificate.lower:.7g} s"
     if not found.audit.proved:
         note += f"; {found.audit.explain()}"
     sheet.add("Sect. 4", f"time, {TIMINGS[timing]}, {words}", paper.TOTAL, float(found.x.sum()), "s", note=note)

@@ -1,0 +1,107 @@
+"""The real-coded genetic algorithm of El Haiek et al. (2019), sect. 4 and Table 1, through pymoo.
+
+Tournaments of five, single-point crossover with probability 0.8, and a mutation that puts a gene anywhere within its
+bounds with probability 0.05; 200 individuals, 80 generations. Of parents and offspring the better half survives (the
+paper says nothing of survival), so the best individual is never lost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pymoo.algorithms.soo.nonconvex.ga import GA as PymooGA
+from pymoo.core.mutation import Mutation
+from pymoo.operators.crossover.pntx import SinglePointCrossover
+from pymoo.operators.selection.tournament import TournamentSelection
+
+from ocp_traj.errors import InputError
+from ocp_traj.nlp import Solution
+from ocp_traj.problem import Problem
+from ocp_traj.progress import Progress, silent
+from ocp_traj.scalarise import Scalarisation
+from ocp_traj.solvers.evolution import Evolution, Vectorised, evolve, single_objective, solution_of
+
+Array = NDArray[np.float64]
+
+
+class _Anywhere(Mutation):  # type: ignore[misc]  # pymoo is untyped
+    """Puts each gene anywhere within its bounds, with some probability."""
+
+    def __init__(self, rate: float) -> None:
+        super().__init__(prob=1.0)
+        self.rate = rate
+
+    def _do(self, problem: Any, x: Array, *args: Any, random_state: Any = None, **kwargs: Any) -> Array:
+        fresh = random_state.uniform(problem.xl, problem.xu, x.shape)
+        return np.where(random_state.random(x.shape) < self.rate, fresh, x)
+
+
+def _fittest(pop: Any, groups: Any, *args: Any, **kwargs: Any) -> Any:
+    """Winners of tournaments of any size: the feasible first, then the fitter."""
+    violation = pop.get("CV")[:, 0]
+    fitness = pop.get("F")[:, 0]
+    order = np.lexsort((fitness, np.maximum(violation, 0.0)))
+    rank = np.empty(len(order), dtype=int)
+    rank[order] = np.arange(len(order))
+    return groups[np.arange(len(groups)), np.argmin(rank[groups], axis=1)][:, None]
+
+
+@dataclass(frozen=True)
+class GA:
+    """The genetic algorithm on one objective of a problem.
+
+    Attributes:
+        seed: of everything random.
+        population, generations: their numbers.
+        tournament: individuals in each.
+        crossover, mutation: probabilities, of a pair and of a gene.
+        handling: of limits, ``feasibility`` (Deb's rules) or ``death``: an individual that breaks a limit counts as
+            infinitely bad, which is what the paper's division by F_o in (19) comes to.
+        per_segment: instants a segment at which limits are looked at, peaks between them by parabolas; the audit has
+            the last word.
+        max_seconds: stop after the generation that passes this.
+        progress: told after each generation.
+    """
+
+    seed: int = 0
+    population: int = 200
+    generations: int = 80
+    tournament: int = 5
+    crossover: float = 0.8
+    mutation: float = 0.05
+    handling: str = "feasibility"
+    per_segment: int = 31
+    max_seconds: float = np.inf
+    progress: Progress = silent
+
+    def __post_init__(self) -> None:
+        """Checks the numbers and names."""
+        if self.population < 4 or self.generations < 1:
+            raise InputError(
+                f"a population needs 4 or more individuals and 1 or more generations; "
+                f"got {self.population}, {self.generations}"
+            )
+        if self.handling not in ("feasibility", "death"):
+            raise InputError(f"constraint handling is {self.handling!r}; allowed for ga are feasibility, death")
+
+    def run(self, problem: Problem, name: str) -> tuple[Evolution, Vectorised]:
+        """The run on one objective; Ctrl-C ends it early with what it has."""
+        rng = np.random.default_rng(self.seed)
+        target = Vectorised(problem, [name], self.per_segment, self.handling, refine=True)
+        algorithm = PymooGA(
+            pop_size=self.population,
+            sampling=np.array([problem.guess(rng) for _ in range(self.population)]),
+            selection=TournamentSelection(pressure=self.tournament, func_comp=_fittest),
+            crossover=SinglePointCrossover(prob=self.crossover),
+            mutation=_Anywhere(self.mutation),
+        )
+        return evolve(algorithm, target, self.generations, self.seed, self.max_seconds, self.progress), target
+
+    def solve(self, problem: Problem, scalarisation: Scalarisation) -> Solution:
+        """The best individual, proved where slowing it down can do that."""
+        name = single_objective(problem, scalarisation, "ga")
+        run, target = self.run(problem, name)
+        return solution_of(run, target, problem, name, "ga", self.population, self.generations)

@@ -1,0 +1,99 @@
+"""Multi-objective particle swarms through pymoo: CMOPSO (Zhang et al., 2018) and MOPSO-CD (Raquel and Naval, 2005).
+
+pymoo's MOPSO-CD knows no constraints. Here an individual that breaks a limit is worse than every feasible one in every
+objective, and the worse the more it breaks, so that domination itself puts the feasible first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pymoo.algorithms.moo.cmopso import CMOPSO
+from pymoo.algorithms.moo.mopso_cd import MOPSO_CD
+from pymoo.core.sampling import Sampling
+
+from ocp_traj.errors import InputError
+from ocp_traj.problem import Problem
+from ocp_traj.progress import Progress, silent
+from ocp_traj.solvers.evolution import Vectorised, evolve, front_of
+from ocp_traj.solvers.pareto_set import ParetoSet
+
+Array = NDArray[np.float64]
+
+
+class _Given(Sampling):  # type: ignore[misc]  # pymoo is untyped
+    """Starting points as they are: MOPSO-CD takes no array."""
+
+    def __init__(self, points: Array) -> None:
+        super().__init__()
+        self.points = points
+
+    def _do(self, problem: Any, n_samples: int, *args: Any, **kwargs: Any) -> Array:
+        return self.points[:n_samples]
+
+
+class _Competitive(CMOPSO):  # type: ignore[misc]  # pymoo is untyped
+    """pymoo's, with its archive's tournaments drawn from the algorithm's generator: else they ignore the seed."""
+
+    def _setup(self, problem: Any, **kwargs: Any) -> None:
+        super()._setup(problem, **kwargs)
+        survival = self.elites.truncation.survival
+        self.elites.truncation = lambda pop, count: survival.do(
+            problem, pop, n_survive=count, random_state=self.random_state
+        )
+
+
+VARIANTS = ("competitive", "crowding")
+
+
+@dataclass(frozen=True)
+class MOPSO:
+    """A multi-objective swarm on a problem's decision variables.
+
+    Attributes:
+        seed: of everything random.
+        population, generations: particles and iterations.
+        variant: ``competitive`` (CMOPSO) or ``crowding`` (MOPSO-CD).
+        archive: largest number of points kept by MOPSO-CD.
+        per_segment: instants a segment at which limits are looked at; the audit has the last word.
+        max_seconds: stop after the iteration that passes this.
+        progress: told after each iteration.
+    """
+
+    seed: int
+    population: int = 100
+    generations: int = 200
+    variant: str = "competitive"
+    archive: int = 100
+    per_segment: int = 5
+    max_seconds: float = np.inf
+    progress: Progress = silent
+
+    def __post_init__(self) -> None:
+        """Checks the numbers and names."""
+        if self.population < 4 or self.generations < 1:
+            raise InputError(
+                f"a swarm needs 4 or more particles and 1 or more iterations; got {self.population}, {self.generations}"
+            )
+        if self.variant not in VARIANTS:
+            raise InputError(f"there is no variant {self.variant!r} of mopso; variants are {', '.join(VARIANTS)}")
+
+    def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
+        """The archive's feasible points; Ctrl-C ends it early with those it has."""
+        rng = np.random.default_rng(self.seed)
+        target = Vectorised(problem, objectives, self.per_segment, "dominated")
+        start = np.array([problem.guess(rng) for _ in range(self.population)])
+        if self.variant == "crowding":
+            algorithm = MOPSO_CD(
+                pop_size=self.population, sampling=_Given(start), archive_size=self.archive, seed=self.seed
+            )
+        else:
+            algorithm = _Competitive(
+                pop_size=self.population, sampling=start, elite_size=max(10, self.population // 10)
+            )
+        run = evolve(algorithm, target, self.generations, self.seed, self.max_seconds, self.progress)
+        return front_of(run, target, problem, "mopso", self.seed, self.population, self.generations)

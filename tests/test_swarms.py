@@ -1,0 +1,194 @@
+"""Populations that look for one objective, or a front, by themselves: PSO, the genetic algorithm, MOPSO."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import ocp_traj as ot
+from ocp_traj import problems
+from ocp_traj.cli import run
+from ocp_traj.errors import InputError, NoSolutionFound
+from ocp_traj.nlp import Status
+from ocp_traj.plot import plot_convergence
+from ocp_traj.population import Population
+from ocp_traj.problem import Problem
+from ocp_traj.scalarise import WeightedSum
+from ocp_traj.solvers.evolution import HANDLING, WORST, Vectorised
+from ocp_traj.solvers.ga import GA
+from ocp_traj.solvers.mopso import MOPSO
+from ocp_traj.solvers.pso import CONSTRICTION, PSO, SCHEDULES, as_printed, constriction, linear, repaired
+from tests.closed_form import Quintic, quintic_problem
+
+TIME = WeightedSum({"time": 1.0})
+SOLVERS: list[Any] = [
+    *(PSO(population=12, generations=25, schedule=schedule) for schedule in SCHEDULES),
+    PSO(population=12, generations=25, handling="penalty"),
+    GA(population=20, generations=15),
+    GA(population=20, generations=15, handling="death"),
+]
+
+
+@pytest.fixture(scope="module")
+def rotor() -> Problem:
+    return problems.load("rotor-353")
+
+
+# --- schedules ---
+
+
+def test_schedules_are_the_paper_s_formulas() -> None:
+    assert as_printed(0.0, 0.5)[0] == 0.5 and repaired(0.0, 0.5)[0] == 0.9 and linear(0.0, 0.5)[0] == 0.9
+    assert as_printed(0.6, 0.0)[0] == pytest.approx(0.5 * np.cos(0.6) ** 2)
+    assert repaired(0.6, 0.0)[0] == pytest.approx(0.4 + 0.5 * np.cos(0.3 * np.pi) ** 2)
+    assert linear(1.0, 0.0)[0] == pytest.approx(0.4)
+    for schedule in (as_printed, repaired):
+        assert schedule(0.61, 0.25)[0] == pytest.approx(0.225)
+        assert schedule(0.0, 0.0)[1:] == (2.0, 0.0)
+        assert schedule(1.0, 0.0)[1:] == pytest.approx((0.5, 1.5))
+    assert constriction(0.3, 0.0) == constriction(0.9, 1.0)
+    phi = 4.1  # Clerc and Kennedy's chi solves chi^2 - (2 - phi) chi + 1 = 0 for 2 / |..| form: check it is contracting
+    assert CONSTRICTION == pytest.approx(2.0 / abs(2.0 - phi - np.sqrt(phi**2 - 4.0 * phi)))
+
+
+# --- one objective ---
+
+
+@pytest.mark.parametrize(
+    "solver", SOLVERS, ids=lambda s: f"{type(s).__name__} {getattr(s, 'schedule', '')} {s.handling}"
+)
+def test_what_a_population_finds_is_proved_repeatable_and_no_better_than_the_optimum(
+    solver: Any, rotor: Problem
+) -> None:
+    found, again = solver.solve(rotor, TIME), solver.solve(rotor, TIME)
+    assert found.status is Status.FEASIBLE and found.audit is not None and found.audit.proved
+    assert np.array_equal(found.x, again.x)
+    assert found.objectives["time"] == pytest.approx(found.x.sum())
+    assert found.objectives["time"] >= 1.7313605  # certified: see test_rotor_353
+    other = replace(solver, seed=1).solve(rotor, TIME)
+    assert not np.array_equal(found.x, other.x)
+    best = found.history["best"].dropna().to_numpy()
+    assert (np.diff(best) <= 0.0).all() and found.history["evaluations"].is_monotonic_increasing
+
+
+def test_a_long_swarm_comes_within_a_thousandth_of_the_certified_optimum(rotor: Problem) -> None:
+    found = PSO(schedule="repaired", generations=150).solve(rotor, TIME)
+    assert found.objectives["time"] == pytest.approx(1.731362, rel=1e-3)
+
+
+def test_nothing_feasible_is_said_so() -> None:
+    problem = quintic_problem(Quintic(velocity=1e-3))  # T >= 1875 s, at most 10 s allowed
+    with pytest.raises(NoSolutionFound, match="quintic: no individual of pso met every limit in 4 generations of 6"):
+        PSO(population=6, generations=4).solve(problem, TIME)
+
+
+def test_an_interrupted_run_keeps_its_best(rotor: Problem) -> None:
+    def stop(done: int, total: int, words: str) -> None:
+        if done == 6:
+            raise KeyboardInterrupt
+
+    found = PSO(population=20, progress=stop).solve(rotor, TIME)
+    assert len(found.history) == 6 and found.audit is not None and found.audit.proved
+
+
+@pytest.mark.parametrize(
+    ("build", "words"),
+    [
+        (lambda: PSO(population=1), "2 or more particles"),
+        (lambda: PSO(schedule="fast"), "schedules are as_printed"),
+        (lambda: PSO(handling="death"), "allowed for pso"),
+        (lambda: GA(population=3), "4 or more"),
+        (lambda: GA(handling="penalty"), "allowed for ga"),
+        (lambda: MOPSO(0, variant="x"), "variants are"),
+        (lambda: MOPSO(0, population=2), "4 or more particles"),
+    ],
+)
+def test_bad_settings_are_refused(build: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        build()
+
+
+def test_a_weighted_sum_is_refused(rotor: Problem) -> None:
+    with pytest.raises(InputError, match="pso minimises one objective"):
+        PSO().solve(rotor, WeightedSum({"time": 1.0, "jerk": 1.0}))
+
+
+# --- how limits are handled ---
+
+
+@pytest.mark.parametrize("handling", HANDLING)
+def test_a_feasible_individual_is_as_it_is_and_a_broken_one_is_worse(handling: str, rotor: Problem) -> None:
+    target = Vectorised(rotor, ["time"], 15, handling)
+    x = np.array([[1.0, 2.0, 1.0], [0.4, 0.8, 0.3], [0.2, 0.5, 0.2]])
+    out: dict[str, Any] = {}
+    target._evaluate(x, out)
+    excess = Population(rotor, ["time"], 15).evaluate(x).violations.clip(min=0.0).sum(axis=1)
+    assert out["excess"] == pytest.approx(excess) and excess[0] == 0.0 < excess[1] < excess[2]
+    assert out["F"][0, 0] == 4.0
+    if handling == "feasibility":
+        assert (out["F"][:, 0] == x.sum(axis=1)).all() and (out["G"].max(axis=1) > 0.0).tolist() == [False, True, True]
+    elif handling == "penalty":
+        assert out["F"][1:, 0] == pytest.approx(x[1:].sum(axis=1) + 1e3 * excess[1:])
+    elif handling == "death":
+        assert (out["F"][1:, 0] == WORST).all()
+    else:
+        assert WORST < out["F"][1, 0] < out["F"][2, 0]
+
+
+def test_parabolas_between_instants_come_closer_to_the_peaks(rotor: Problem) -> None:
+    rng = np.random.default_rng(0)
+    xs = np.array([rotor.guess(rng) for _ in range(20)])
+    exact = Population(rotor, ["time"], 2001).evaluate(xs).violations
+    coarse = np.abs(Population(rotor, ["time"], 15).evaluate(xs).violations - exact)
+    fine = np.abs(Population(rotor, ["time"], 15, refine=True).evaluate(xs).violations - exact)
+    assert np.median(fine.max(axis=1)) < 0.3 * np.median(coarse.max(axis=1))
+
+
+# --- fronts ---
+
+
+@pytest.mark.parametrize("variant", ["competitive", "crowding"])
+def test_a_swarm_s_front_is_proved_and_repeatable(variant: str, rotor: Problem) -> None:
+    options = {"method": "mopso", "population": 24, "generations": 15, "variant": variant}
+    front, again = (ot.pareto(rotor, ["time", "jerk"], seed=3, **options) for _ in range(2))
+    assert len(front) >= 3 and (front.table["verdict"] == "proved").all()
+    assert front.table.equals(again.table)
+
+
+@pytest.mark.slow
+def test_mopso_covers_most_of_what_the_trace_does() -> None:
+    """Reference (8 s, 6000), ideal (2.4836 s, 1565.2): the trace has 0.709 of the box, NSGA-II 0.70."""
+    front = ot.pareto(problems.load("hybrid-spline"), ["time", "energy"], method="mopso")
+    assert front.hypervolume(ideal={"time": 2.4836, "energy": 1565.2}).value > 0.69
+
+
+# --- API and command line ---
+
+
+def test_options_that_a_method_does_not_have_are_refused(rotor: Problem) -> None:
+    with pytest.raises(InputError, match="pso has no option 'tournament'"):
+        ot.solve(rotor, method="pso", tournament=3)
+    with pytest.raises(InputError, match="nsga2 has no option 'points'"):
+        ot.pareto(rotor, ["time", "jerk"], method="nsga2", points=4)
+    with pytest.raises(InputError, match="methods are exchange, pso, ga"):
+        ot.solve(rotor, method="simplex")
+
+
+def test_the_command_line_runs_a_swarm_and_draws_its_history(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    picture, table = tmp_path / "h.png", tmp_path / "h.csv"
+    for target in (picture, table):
+        arguments = ["solve", "rotor-353", "--method", "pso", "--population", "12", "--generations", "20"]
+        assert run([*arguments, "--schedule", "linear", "--history", str(target)]) == 0
+        assert "feasible, not optimal" in capfd.readouterr().err
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    assert list(pd.read_csv(table).columns) == ["generation", "evaluations", "best", "violation"]
+    assert run(["solve", "rotor-353", "--history", str(picture)]) == 2
+    assert "--history is of a population" in capfd.readouterr().err
+
+
+def test_several_histories_share_a_picture(tmp_path: Path, rotor: Problem) -> None:
+    histories = {name: PSO(0, 8, 5, name).run(rotor, "time")[0].history for name in ("linear", "repaired")}
+    assert plot_convergence(histories, tmp_path / "both.svg", lower=1.7313).stat().st_size > 1000
