@@ -82,7 +82,8 @@ def solve(
         options: fields of the class of ``pso`` or ``ga``, such as ``population``.
 
     Returns:
-        The best solution, with trajectory, objectives and audit; infeasible ones name the limits in conflict.
+        The best solution, with trajectory, objectives and audit; infeasible ones name the limits in conflict. A problem
+        with a ``decomposition`` is solved by its parts: what they combine to may break limits of the whole.
         ``solution.alternatives`` holds those of all alternatives, where the problem leaves a choice open.
     """
     if starts is None:
@@ -156,19 +157,27 @@ def _by_parts(
     method: str, starts: int, seed: int, solver: Exchange | None, **options: Any,
 ) -> Solution:  # fmt: skip
     """Parts solved alone and put together: the audit says what that is worth."""
-    begun = time.perf_counter()
-    parts = [
-        solve(
+    begun, scalar = time.perf_counter(), scalarisation(problem, objective, weights)
+    parts: list[Solution] = []
+    for part in recipe.parts:
+        known = [o.id for o in part.objectives]
+        for name in scalar.names:
+            if name not in known:
+                raise InputError(
+                    f"{problem.id} is solved by parts here, and {part.title!r} has no objective {name!r}; "
+                    f"it has {', '.join(known)}"
+                )
+        solution = solve(
             part, objective=objective, weights=weights, method=method, starts=starts, seed=seed, solver=solver,
             certify=False, **options,
-        ).require()
-        for part in recipe.parts
-    ]  # fmt: skip
+        )  # fmt: skip
+        if not solution.ok:
+            return replace(solution, name=part.title, seconds=time.perf_counter() - begun)
+        parts.append(solution)
     x = np.clip(recipe.combine([part.x for part in parts]), problem.lower, problem.upper)
     candidate = trajectory(problem, x)
     found = audit(candidate, problem.requirements)
     values = evaluate_objectives(problem, x)
-    scalar = scalarisation(problem, objective, weights)
     return Solution(
         name=problem.id,
         x=x,
@@ -180,7 +189,7 @@ def _by_parts(
         objectives=values,
         trajectory=candidate,
         audit=found,
-        detail=f"{len(parts)} parts solved alone and put together; not claimed to be optimal",
+        detail=f"{len(parts)} parts solved alone and put together: not an optimum of the whole",
     )
 
 
@@ -225,6 +234,8 @@ def pareto(
         raise InputError(f"a front trades two or more different objectives; got {', '.join(objectives) or 'none'}")
     for name in objectives:
         problem.objective(name)
+    if problem.decomposition is not None:
+        raise InputError(f"{problem.id} is solved by parts in this case, which gives one trajectory and no front")
     if budget is not None:
         if not budget > 0.0:
             raise InputError(f"the budget is {budget} s; give a time above zero")

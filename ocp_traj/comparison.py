@@ -79,7 +79,7 @@ class Run:
     variant: str
     seed: int | None
     objectives: Mapping[str, float]
-    seconds: float
+    seconds: float | None
     evaluations: int | None
     verdict: str = ""
 

@@ -113,9 +113,7 @@ def polynomial_353(via_points: ArrayLike, durations: Any) -> PiecewiseBezier:
     return PiecewiseBezier(durations if symbolic else np.asarray(t), tuple(stack(*s) for s in segments))
 
 
-def quartic_quintic(
-    start: ArrayLike, via: Any, via_velocity: Any, goal: Any, durations: Any
-) -> PiecewiseBezier:
+def quartic_quintic(start: ArrayLike, via: Any, via_velocity: Any, goal: Any, durations: Any) -> PiecewiseBezier:
     """A quartic to a via point, then a quintic to the goal, at rest at both ends.
 
     The quartic runs from (q0; rest) to (q1, v1); what acceleration it ends with, a1 = 6 v1 / T1 - 12 (q1 - q0) / T1^2,
@@ -123,7 +121,8 @@ def quartic_quintic(
 
     Args:
         start: q0 ``(dof,)``.
-        via, via_velocity: q1, v1 ``(dof,)``, numbers or casadi columns.
+        via: q1 ``(dof,)``, numbers or a casadi column.
+        via_velocity: v1 ``(dof,)``, likewise.
         goal: q2 ``(dof,)``.
         durations: T1, T2 ``(2,)`` [s].
 

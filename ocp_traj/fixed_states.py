@@ -64,7 +64,8 @@ def fixed_conflicts(problem: Problem) -> tuple[Conflict, ...]:
     """
     x = casadi.SX.sym("x", problem.size)
     idle = problem.idle([])
-    least = casadi.vertcat(*(casadi.SX(low) if i else x[j] for j, (low, i) in enumerate(zip(problem.lower, idle))))
+    bounds = enumerate(zip(problem.lower, idle, strict=True))
+    least = casadi.vertcat(*(casadi.SX(low) if unused else x[j] for j, (low, unused) in bounds))
     parameters = casadi.SX(problem.parameters(least))
     if casadi.depends_on(parameters, x):
         return ()

@@ -113,7 +113,7 @@ class Status(Enum):
     SOLVED = "solved"
     ACCEPTABLE = "solved to the acceptable tolerance"
     FEASIBLE = "stopped at a feasible point"
-    UNPROVED = "feasible at its instants, not proved between them"
+    UNPROVED = "not proved"
     INFEASIBLE = "infeasible"
     ITERATION_LIMIT = "iteration limit"
     TIME_LIMIT = "time limit"

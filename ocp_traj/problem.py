@@ -152,6 +152,7 @@ class Problem:
         decomposition: solve by parts, as a paper does, in place of the whole.
         scales_in_time: the variables are the durations of the segments, all of them and nothing else, and the path
             depends on their ratios alone: s x is the same path, s times slower.
+        notes: what this case fills in where the paper says nothing; shown with the problem and with every result.
     """
 
     id: str
@@ -178,6 +179,7 @@ class Problem:
     explain: Callable[[Conflict], str] | None = None
     decomposition: Decomposition | None = None
     scales_in_time: bool = False
+    notes: tuple[str, ...] = ()
     _functions: dict[str, Any] = field(default_factory=dict, repr=False, init=False)
 
     def __post_init__(self) -> None:

@@ -19,7 +19,7 @@ from rich.text import Text
 
 from ocp_traj import progress as progress_module
 from ocp_traj.front import Front, Hypervolume
-from ocp_traj.nlp import Certificate, Solution
+from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.reproduce import Reproduction
 from ocp_traj.solvers.payload import LargestPayload
@@ -103,6 +103,11 @@ def problem_list(problems: Sequence[Problem]) -> Sheet:
     return Sheet({"problems": data}, [("Problems", list(data[0]) if data else [], rows)])
 
 
+def _notes(problem: Problem) -> list[Rows]:
+    """What the case fills in where the paper says nothing."""
+    return [("Not in the paper", ["this case has"], [[note] for note in problem.notes])] if problem.notes else []
+
+
 def problem_sheet(problem: Problem) -> Sheet:
     """A problem's case, variables, objectives and limits."""
     case = {name: getattr(problem.case, name) for name in problem.case.__dataclass_fields__}
@@ -142,6 +147,7 @@ def problem_sheet(problem: Problem) -> Sheet:
         "point_constraints": points,
         "continuity": problem.requirements.continuity,
         "default_objective": problem.default_objective,
+        "notes": list(problem.notes),
     }
     headline = f"{problem.id}: {problem.title}. {problem.reference}"
     tables: list[Rows] = [(headline, ["case field", "value"], list(case.items()))]
@@ -153,7 +159,7 @@ def problem_sheet(problem: Problem) -> Sheet:
     ):
         if rows:
             tables.append((title, list(rows[0]), [list(row.values()) for row in rows]))
-    return Sheet(data, tables)
+    return Sheet(data, tables + _notes(problem))
 
 
 def audit_values(checked: Audit) -> dict[str, Any]:
@@ -222,6 +228,8 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         if solution.certificate is None
         else {**vars(solution.certificate), "gap": solution.certificate.gap},
         "audit": audit_values(solution.audit) if solution.audit is not None else {"verdict": None, "rows": []},
+        "detail": solution.detail,
+        "notes": list(problem.notes),
     }
     if solution.alternatives:
         data["alternatives"] = [
@@ -260,7 +268,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         tables.append(
             (f"{len(lines)} local optima, best first", ["optimum", *names, "verdict", "starts", "way"], lines)
         )
-    return Sheet(data, tables)
+    return Sheet(data, tables + _notes(problem))
 
 
 def _outcome(problem: Problem, solution: Solution) -> dict[str, Any]:
@@ -283,8 +291,6 @@ def _outcome_cells(problem: Problem, solution: Solution) -> list[Any]:
 
 def _verdict(solution: Solution) -> str | None:
     return solution.audit.verdict if solution.audit is not None else None
-def _certificate(found: Certificate | None) -> dict[str, Any] | None:
-    return None if found is None else {**vars(found), "gap": found.gap}
 
 
 def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
@@ -305,6 +311,7 @@ def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
         "spread": front.spread(),
         "knee": knee,
         "info": dict(front.info),
+        "notes": list(front.problem.notes),
         "run": str(folder),
         "picture": str(folder / "front.png"),
     }
@@ -312,7 +319,7 @@ def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
         f"{front.problem.id}: {len(front)} proved points by {front.method} in {front.seconds:.1f} s; "
         f"hypervolume {volume.value:.4f}, spread {front.spread():.3f}, knee at point {knee}"
     )
-    return Sheet(data, [(title, ["point", *columns], rows)])
+    return Sheet(data, [(title, ["point", *columns], rows), *_notes(front.problem)])
 
 
 def front_remarks(front: Front) -> Iterator[str]:

@@ -6,8 +6,8 @@ Objectives          time (13); effort, work and jerk, which the paper leaves to 
 Subject to          velocity (14), acceleration (15) for all t; jerk if given; positions and efforts of the maker
 Deviations
   Table 2 is in degrees (printed rad), as the teach pendant shows them: its joint 3 is measured from the horizontal. Its
-  joint 3 at X2 is -63.179: with that sign, and only with it, the last move is a pure translation, as the first one is a
-  turn about the vertical. ``as_printed`` keeps the printed 63.179. Table 1, row 4: a = 195 mm (printed 1100).
+  joint 3 at X2 is -63.179: with that sign the last move is a pure translation, as the first is a turn about the
+  vertical; ``as_printed`` keeps the printed 63.179. Table 1, row 4: a = 195 mm (printed 1100).
   The paper gives no limits. Velocities, positions, inertias and efforts are those of the maker's robot description
   (FANUC Corporation, fanuc_description, m10_8-20d, Apache-2.0); its efforts look like round placeholders. Accelerations
   are our choice: 2 v_max per second. One (t1, t2, t3) for all joints; ``timing="per_joint"`` is the paper's recipe,
@@ -17,6 +17,7 @@ Deviations
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import pi
 from typing import Any
 
 import casadi
@@ -25,12 +26,14 @@ import pinocchio as pin
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import ArrayLike, NDArray
 
+from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.chain import AxisJoint, LinkInertia
 from ocp_traj.curves import polynomial_353
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Decomposition, Objective, Problem, Variable
 from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
 from ocp_traj.robot import ActuatorMap, Robot
+from ocp_traj.six_axis import Branches, SixAxisArm, wrapped
 
 Array = NDArray[np.float64]
 Six = tuple[float, ...]
@@ -41,9 +44,11 @@ VELOCITY = (210.0, 210.0, 220.0, 430.0, 450.0, 720.0)  # [deg/s], maker's descri
 ACCELERATION = tuple(2.0 * v for v in VELOCITY)  # [deg/s^2]: our choice
 EFFORT = (2000.0, 3000.0, 1000.0, 100.0, 100.0, 50.0)  # [N m], maker's description
 POSITION = ((-185.0, -90.0, -90.0, -190.0, -179.999, -450.0), (185.0, 145.0, 222.0, 190.0, 179.999, 450.0))  # [deg]
-# [W] s of |power| = sqrt(power^2 + s^2), which exceeds it by at most s a joint; with the 24 instants a segment of its
-# quadrature, work is within 0.4 % of the integral over 30 random motions (tests/test_rotor_353.py). Our choice.
+# [W] of |power|: sqrt(power^2 + s^2) exceeds it by at most s, and work comes out at most 6 s T too large. Our choice.
 SMOOTHING = 0.1
+# Gauss-Legendre nodes a segment, our choice. Measured on 22 motions of 1.4 to 4.3 s against finer rules: effort within
+# 1.4e-7 of its value, work within 0.3 %, smoothing included; squared jerk is of degree 4, so that 3 nodes are exact.
+NODES = {"effort": 16, "work": 24, "jerk": 3}
 PER_JOINT = {"size": 6, "empty": True}  # of a case field: six numbers, or none
 
 # Table 2 [deg], points X_0 .. X_3 by joint; joint 3 of X_2 prints 63.179.
@@ -73,24 +78,30 @@ LINKS = (
     ((0.0, 0.0, 0.0), (-1, 0, 0), 0.224, (0.0537, 0.0, 0.0),
      (0.000131, 0.0, 0.0, 0.000102, 0.0, 0.000102)),
 )  # fmt: skip
+FLANGE_AXES = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # of Table 1's frame 6 at zero
 FLANGE = 0.075  # [m] from the wrist along J6
+
+# Table 1 [m]: d1, a1, a2, a3, d4, d6; row 4 prints a3 = 1.1.
+TABLE_1 = {"d1": 0.45, "a1": 0.075, "a2": 0.84, "a3": 0.195, "d4": 1.1, "d6": 0.075}
+PRINTED_A3 = 1.1  # [m]
 
 
 @dataclass(frozen=True)
 class ZhuWang:
     """The paper's numbers; a field is what a user may change. Degrees, as in Table 2 and the maker's description."""
 
-    as_printed: bool = False  # joint 3 of X_2 with the printed sign
+    as_printed: bool = False  # joint 3 of X_2 with the printed sign; a3 of ``arm`` as printed
     velocity: Six = VELOCITY  # v_max [deg/s], (14): maker's description
     acceleration: Six = field(default=ACCELERATION, metadata=PER_JOINT)  # a_max [deg/s^2], (15): our choice; or none
     jerk: Six = field(default=(), metadata=PER_JOINT)  # [deg/s^3], or none
     payload: float = 0.0  # [kg], a point mass at the flange
-    effort_limits: bool = True  # whether the maker's efforts are limits
+    position_limits: bool = True  # whether the maker's ranges of the joints are limits; the paper has none
+    effort_limits: bool = True  # whether the maker's efforts are limits; the paper has none
     timing: str = "synchronised"  # of TIMINGS
     min_duration: float = 0.05  # [s], of each segment: our choice
     max_duration: float = 4.0  # [s]: our choice
     free_payload: bool = False  # whether the payload is a decision variable
-    max_payload: float = 100.0  # [kg], bound on the freed payload: our choice
+    max_payload: float = 150.0  # [kg], bound on the freed payload: our choice, beyond what the limits allow
 
     def __post_init__(self) -> None:
         """Checks the fields."""
@@ -131,7 +142,7 @@ def robot() -> Robot:
         rows=(),
         inertias=(),
         prefix=joints,
-        tool=pin.SE3(np.eye(3), np.array([FLANGE, 0.0, 0.0])),
+        tool=pin.SE3(FLANGE_AXES, np.array([FLANGE, 0.0, 0.0])),
         gravity=(0.0, 0.0, -9.81),
         joints=JOINTS,
         units=("rad",) * 6,
@@ -140,117 +151,101 @@ def robot() -> Robot:
     )
 
 
-# Table 1 [m], modified Denavit-Hartenberg; row 4 prints a = 1.1.
-A1, A2, A3, D4, BASE = 0.075, 0.84, 0.195, 1.1, 0.45
-SINGULAR = 1e-9  # of the reach, and of a sine: closer to a singularity, angles are not determined; our choice
+def arm(case: ZhuWang | None = None) -> SixAxisArm:
+    """The arm of Table 1, for forward and inverse kinematics."""
+    return SixAxisArm(**{**TABLE_1, "a3": PRINTED_A3} if case and case.as_printed else TABLE_1)
 
 
-def dh_angles(q: ArrayLike) -> Array:
-    """Theta of Table 1's Denavit-Hartenberg rows from the pendant's angles ``(N, 6)`` [rad]."""
-    j = np.atleast_2d(np.asarray(q, dtype=float))
-    turned = np.stack([j[:, 0], j[:, 1] - np.pi / 2, -(j[:, 1] + j[:, 2]), -j[:, 3], -j[:, 4], -j[:, 5]], axis=1)
-    return np.asarray(turned)
+def pendant_to_table_1(q: ArrayLike) -> Array:
+    """Angles theta of Table 1 from the pendant's (Table 2), ``(.., 6)`` [rad]."""
+    j1, j2, j3, j4, j5, j6 = np.moveaxis(np.asarray(q, dtype=float), -1, 0)
+    return np.asarray(np.stack([j1, j2 - pi / 2, -j2 - j3, -j4, -j5, -j6], axis=-1))
 
 
-def pendant_angles(theta: ArrayLike) -> Array:
-    """The pendant's angles from theta of Table 1's rows ``(N, 6)`` [rad]; the inverse of ``dh_angles``."""
-    t = np.atleast_2d(np.asarray(theta, dtype=float))
-    second = t[:, 1] + np.pi / 2
-    return np.asarray(np.stack([t[:, 0], second, -t[:, 2] - second, -t[:, 3], -t[:, 4], -t[:, 5]], axis=1))
+def table_1_to_pendant(theta: ArrayLike) -> Array:
+    """The pendant's angles from Table 1's, ``(.., 6)`` [rad]; joints 2 and 3 on the turn that their ranges hold."""
+    th1, th2, th3, th4, th5, th6 = np.moveaxis(np.asarray(theta, dtype=float), -1, 0)
+    serial = np.asarray(np.stack([th1, th2 + pi / 2, -th3, -th4, -th5, -th6], axis=-1))
+    middle = np.radians(np.array(POSITION).mean(axis=0))
+    serial = middle + wrapped(serial - middle)
+    serial[..., 2] -= serial[..., 1]
+    return np.asarray(serial)
 
 
-def _rows(theta: Array, first: int, last: int) -> Array:
-    """Product of Table 1's transforms first .. last, by (1): ``(N, 4, 4)``."""
-    rows = ((0.0, 0.0, BASE), (A1, -1.0, 0.0), (A2, 0.0, 0.0), (A3, -1.0, D4), (0.0, 1.0, 0.0), (0.0, -1.0, FLANGE))
-    product = np.broadcast_to(np.eye(4), (len(theta), 4, 4))
-    for i in range(first, last):
-        a, sine, d = rows[i]
-        cosine = 1.0 - abs(sine)  # the twists are 0 and +-90 deg
-        c, s, zero, one = np.cos(theta[:, i]), np.sin(theta[:, i]), np.zeros(len(theta)), np.ones(len(theta))
-        step = np.array([
-            [c, -s, zero, a * one],
-            [s * cosine, c * cosine, -sine * one, -d * sine * one],
-            [s * sine, c * sine, cosine * one, d * cosine * one],
-            [zero, zero, zero, one],
-        ])  # fmt: skip
-        product = product @ np.moveaxis(step, 2, 0)
-    return np.asarray(product)
+def forward_kinematics(q: ArrayLike, case: ZhuWang | None = None) -> tuple[Array, Array]:
+    """Flange poses, rotation ``(N, 3, 3)`` and position ``(N, 3)`` [m], of pendant angles ``(N, 6)`` [rad]."""
+    return arm(case).forward(pendant_to_table_1(q))
 
 
-def forward_kinematics(q: ArrayLike) -> Array:
-    """Pose of the flange ``(N, 4, 4)`` [m] at the pendant's angles ``(N, 6)`` [rad]; (1), (2), Table 1 corrected."""
-    return _rows(dh_angles(q), 0, 6)
+def inverse_kinematics(rotation: ArrayLike, position: ArrayLike, case: ZhuWang | None = None) -> tuple[Array, Branches]:
+    """Pendant angles ``(N, 8, 6)`` [rad] that reach flange poses, NaN where a branch does not exist.
 
-
-def inverse_kinematics(pose: ArrayLike) -> tuple[Array, tuple[str, ...]]:
-    """All configurations that put the flange at a pose; (3) recovers none, so this is a closed form of our own.
-
-    Args:
-        pose: of the flange ``(4, 4)`` [m].
+    (3) as printed takes the flange for the wrist and has signs of another arm. Whether the joints' ranges allow a
+    branch is not looked at.
 
     Returns:
-        The pendant's angles ``(branches, 6)`` [rad], each within (-pi, pi] but for the third, and a name a branch:
-        shoulder ``front`` or ``back``, elbow ``up`` or ``down``, wrist ``unflipped`` or ``flipped``.
-
-    Raises:
-        InputError: the pose is no rigid motion or out of reach; or it is singular, and infinitely many solve it.
+        the angles, and the branches in Table 1's angles, with what is singular and why one does not exist.
     """
-    target = np.asarray(pose, dtype=float)
-    rotation = target[:3, :3] if target.shape == (4, 4) else np.zeros((3, 3))
-    if (
-        not np.isfinite(target).all()
-        or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6
-        or np.linalg.det(rotation) < 0.0
-    ):
-        raise InputError(
-            f"the pose of shape {target.shape} is no rigid motion; give a rotation and a position in (4, 4)"
-        )
-    p = target[:3, 3] - FLANGE * rotation[:, 2]
-    reach, length = float(np.hypot(p[0], p[1])), float(np.hypot(A3, D4))
-    if reach < SINGULAR:
-        raise InputError("the wrist is on axis 1, where joint 1 may be anything: a shoulder singularity; move the pose")
-    z = p[2] - BASE
-    found, names, least = [], [], np.inf
-    for shoulder, side in (("front", 1.0), ("back", -1.0)):
-        first, r = np.arctan2(side * p[1], side * p[0]), side * reach - A1
-        distance = float(np.hypot(r, z))
-        k = (distance**2 - A2**2 - length**2) / (2.0 * A2)
-        least = min(least, max(distance - (A2 + length), abs(A2 - length) - distance))
-        if abs(k) > length:
-            continue
-        for elbow, sign in (("up", 1.0), ("down", -1.0)):
-            third = np.arctan2(A3, D4) - np.arctan2(k, sign * np.sqrt(length**2 - k**2))
-            c, s = np.cos(third), np.sin(third)
-            m, n = A2 + A3 * c - D4 * s, A3 * s + D4 * c
-            second = np.arctan2(-z * m - r * n, r * m - z * n)
-            arm = _rows(np.array([[first, second, third, 0.0, 0.0, 0.0]]), 0, 3)[0, :3, :3]
-            hand = arm.T @ rotation
-            sine = float(np.hypot(hand[0, 2], hand[2, 2]))
-            if sine < SINGULAR:
-                raise InputError(
-                    "joints 4 and 6 are in line, only their sum is given: a wrist singularity; move the pose"
-                )
-            for wrist, turn in (("unflipped", 1.0), ("flipped", -1.0)):
-                fourth, sixth = (
-                    np.arctan2(turn * hand[2, 2], -turn * hand[0, 2]),
-                    np.arctan2(-turn * hand[1, 1], turn * hand[1, 0]),
-                )
-                found.append([first, second, third, fourth, np.arctan2(turn * sine, hand[1, 2]), sixth])
-                names.append(f"{shoulder} {elbow} {wrist}")
-    if not found:
-        raise InputError(f"the pose is out of reach: the wrist is {least:.6g} m too far from, or too near to, axis 2")
-    q = pendant_angles(found)
-    wrapped = np.arctan2(np.sin(q), np.cos(q))
-    wrapped[:, 2] = np.arctan2(np.sin(q[:, 1] + q[:, 2]), np.cos(q[:, 1] + q[:, 2])) - wrapped[:, 1]
-    return wrapped, tuple(names)
+    branches = arm(case).inverse(rotation, position)
+    return table_1_to_pendant(branches.angles), branches
 
 
 def via_points(case: ZhuWang) -> Array:
     """Table 2: the four points ``(4, 6)`` [rad]."""
-    points: Array = np.radians(np.array(TABLE_2).T)
+    points = np.radians(np.array(TABLE_2).T)
     if case.as_printed:
         points[2, 2] = np.radians(PRINTED_SIGN)
-    return points
+    return np.asarray(points)
+
+
+def notes(case: ZhuWang) -> tuple[str, ...]:
+    """What the paper leaves out and this case has."""
+
+    def numbers(values: Six, unit: str) -> str:
+        return f"{', '.join(f'{v:g}' for v in values)} {unit}" if values else "none"
+
+    source = {
+        "velocity": "the maker's description" if case.velocity == VELOCITY else "given",
+        "acceleration": "our choice, 2 v_max per second" if case.acceleration == ACCELERATION else "given",
+    }
+    said = [
+        f"v_max {numbers(case.velocity, 'deg/s')}: {source['velocity']}",
+        f"a_max {numbers(case.acceleration, 'deg/s2')}: {source['acceleration']}",
+    ]
+    if case.jerk:
+        said.append(f"jerk limit {numbers(case.jerk, 'deg/s3')}: given")
+    if case.effort_limits:
+        said.append(f"efforts {numbers(EFFORT, 'N m')}: the maker's description, round numbers that look provisional")
+    if case.timing == "per_joint":
+        said.append(
+            "timing per_joint, the paper's: every joint alone, then the longest of each phase; not an optimum, and not "
+            "always within the limits"
+        )
+    return tuple(said)
+
+
+def worst_worth_having(case: ZhuWang, points: Array, machine: Robot) -> dict[str, float]:
+    """Reference point of fronts: our choice, from the fastest motion in three equal durations within (14), (15).
+
+    Twice its time and effort, four times its work, ten times its squared jerk.
+    """
+    unit, slowest = polynomial_353(points, np.ones(3)), case.min_duration
+    for order, limits in enumerate((case.velocity, case.acceleration, case.jerk), 1):
+        if limits:
+            peaks = np.array([max(-e.lower, e.upper) for e in unit.extrema(order)])
+            slowest = max(slowest, float((peaks / np.radians(limits)).max() ** (1.0 / order)))
+    curve = PiecewiseBezier(np.full(3, slowest), unit.control_points)
+    nodes, weights = np.array(gauss(NODES["effort"])).T
+    q, v, a, jerk = (np.concatenate([curve.at(k, nodes, order) for k in range(3)]).T for order in range(4))
+    symbols = [casadi.SX.sym(name, 6) for name in "qva"]
+    effort = casadi.Function("effort", symbols, [machine.effort(*symbols, payload=case.payload)])
+    tau, share = np.array(effort(q, v, a)), slowest * np.tile(weights, 3)
+    return {
+        "time": 6.0 * slowest,
+        "effort": 2.0 * float(share @ ((tau / np.array(EFFORT)[:, None]) ** 2).sum(axis=0)),
+        "work": 4.0 * float(share @ np.abs(tau * v).sum(axis=0)),
+        "jerk": 10.0 * float(share @ (jerk**2).sum(axis=0)),
+    }
 
 
 def gauss(points: int) -> tuple[tuple[float, float], ...]:
@@ -276,18 +271,18 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
     durations = Variable(
         "t", np.full(3, case.min_duration), np.full(3, case.max_duration), "s", ("t1", "t2", "t3"), "(13)"
     )
-    mass = Variable("payload", np.zeros(1), np.array([case.max_payload]), "kg", ("payload",), "sect. 4")
+    mass = Variable("payload", np.zeros(1), np.array([case.max_payload]), "kg", ("payload",), "ours")
     free = case.free_payload
 
     def torque(s: State) -> Any:
         return machine.effort(s.q, s.v, s.a, payload=s.p[0])
 
     limits = []
-    if whole:
+    if whole and case.position_limits:
         low, high = (np.radians(bound) for bound in POSITION)
         labels = ("J1", "J2", "J2 + J3", "J4", "J5", "J6")
         limits.append(
-            PathConstraint("position", lambda s: serial_angles(s.q), low, high, ("rad",) * 6, labels, "maker")
+            PathConstraint("position-limit", lambda s: serial_angles(s.q), low, high, ("rad",) * 6, labels, "maker")
         )
     bounds = (
         ("velocity", case.velocity, "(14)"),
@@ -320,23 +315,26 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
         strength = casadi.DM(EFFORT)
         objectives += [
             Objective(
-                "effort", "s", 1.0, eq="sect. 5", quadrature=gauss(10),
+                "effort", "s", 1.0, eq="sect. 5", quadrature=gauss(NODES["effort"]),
                 integrand=lambda s: casadi.sumsqr(torque(s) / strength),
             ),
             Objective(
-                "work", "J", 1000.0, eq="sect. 5", quadrature=gauss(24),
+                "work", "J", 1000.0, eq="sect. 5", quadrature=gauss(NODES["work"]),
                 integrand=lambda s: casadi.sum1(casadi.sqrt((torque(s) * s.v) ** 2 + SMOOTHING**2)),
             ),
         ]  # fmt: skip
     objectives.append(
         Objective(
-            "jerk", "rad2/s5", 1000.0, eq="sect. 5", quadrature=gauss(3), integrand=lambda s: casadi.sumsqr(s.jerk)
+            "jerk",
+            "rad2/s5",
+            1000.0,
+            eq="sect. 5",
+            quadrature=gauss(NODES["jerk"]),
+            integrand=lambda s: casadi.sumsqr(s.jerk),
         )
     )
     if free:
-        objectives.append(
-            Objective("payload_mass", "kg", 10.0, sense="max", eq="sect. 4", of_variables=lambda x, p: x[3])
-        )
+        objectives.append(Objective("payload_mass", "kg", 10.0, sense="max", eq="ours", of_variables=lambda x, p: x[3]))
 
     def guess(rng: np.random.Generator) -> Array:
         t = np.exp(rng.uniform(np.log(max(0.2, case.min_duration)), np.log(max(2.0, case.min_duration)), 3))
@@ -355,35 +353,28 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
         parameters=lambda x: x[3:4] if free else casadi.SX(case.payload),
         objectives=tuple(objectives),
         default_objective="time",
-        reference_point=_reference(case, where, bounds, chosen),
+        reference_point=worst_worth_having(case, points, machine) if whole else {},
         requirements=Requirements(joints, ("rad",) * count, tuple(limits), (rest, via), ("payload",), continuity=2),
         guess=guess,
         dilate=lambda x, s: np.concatenate([np.asarray(x)[:3] * s, np.asarray(x)[3:]]),
         scales_in_time=not free,
+        notes=notes(case),
         decomposition=Decomposition(parts, lambda xs: np.max(xs, axis=0)) if parts else None,
     )
 
 
-def _reference(case: ZhuWang, points: Array, bounds: Any, chosen: tuple[int, ...]) -> dict[str, float]:
-    """The worst values worth having: of twice the time that the ratios 1 : 3 : 1 take; our choice.
-
-    Effort and work are rates of a slow motion, measured at the default case, times that time.
-    """
-    curve = polynomial_353(points, np.array([1.0, 3.0, 1.0]))
-    slowest = 0.0
-    for order, (_, values, _) in enumerate(bounds, 1):
-        for j, extremum in zip(chosen if values else (), curve.extrema(order), strict=False):
-            peak = max(abs(extremum.lower), abs(extremum.upper))
-            slowest = max(slowest, float((peak / np.radians(values[j])) ** (1.0 / order)))
-    time = min(10.0 * slowest, 3.0 * case.max_duration)
-    dilated = polynomial_353(points, time / 10.0 * np.array([1.0, 3.0, 1.0]))
-    jerk = sum(
-        duration * sum(w * float((dilated.at(k, u, 3) ** 2).sum()) for u, w in gauss(3))
-        for k, duration in enumerate(dilated.durations.tolist())
-    )
-    return {"time": time, "effort": 0.15 * time, "work": 1000.0 * time, "jerk": 30.0 * jerk}
-
-
 # What the paper reports, sect. 4 [s].
-PHASES = (0.311, 0.660, 1.676)
-TOTAL = 2.647
+PHASES = ("0.311", "0.660", "1.676")  # t1, t2, t3
+TOTAL = "2.647"
+SHORTENED = "56"  # [%]
+GUESS = 2.0  # [s], of each phase to begin with
+# As printed: Table 1 [mm], rows i of a_{i-1} and d_i; Table 2 [deg], printed rad, X_0 .. X_3 a joint.
+TABLE_1_PRINTED = (("0", "450"), ("75", "0"), ("840", "0"), ("1100", "1100"), ("0", "0"), ("0", "75"))
+TABLE_2_PRINTED = """
+-23.496 -20.128  -7.361  -8.055
+ 73.451  80.381  68.721  61.474
+-62.949 -55.208  63.179 -68.520
+ 77.747  78.321 -35.605 -29.593
+ 41.879  35.783  27.940  32.293
+ -2.099 -12.636  53.129  46.917
+"""

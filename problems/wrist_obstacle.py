@@ -93,8 +93,8 @@ class ElHaiek2019:
         for name, point in (("start", self.ends[0]), ("goal", self.ends[1])):
             if len(point) != 3 or not all(map(isfinite, point)) or abs(_size(point) / self.d3 - 1.0) > REACHED:
                 raise InputError(
-                    f"{name} is {point}, {_size(point):.6g} from the base; the tip moves at d3 = {self.d3:.6g} from it: "
-                    "give three numbers, a point at that distance (to 1 %)"
+                    f"{name} is {point}, {_size(point):.6g} from the base; the tip moves at d3 = {self.d3:.6g} "
+                    "from it: give three numbers, a point at that distance (to 1 %)"
                 )
         for number, obstacle in enumerate(self.obstacles, 1):
             if len(obstacle) != 4 or not all(map(isfinite, obstacle)) or not obstacle[3] > 0.0:
@@ -286,8 +286,12 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
         default_objective="fitness",
         reference_point={"time": 4.0, "distance": 10.0, "fitness": 14.0, "clearance": case.min_clearance},
         requirements=Requirements(
-            JOINTS, UNITS, tuple(_limits(case, machine, spheres)), _points(start, goal),
-            ("clearance",) if spheres else (), continuity=2,
+            JOINTS,
+            UNITS,
+            tuple(_limits(case, machine, spheres)),
+            _points(start, goal),
+            ("clearance",) if spheres else (),
+            continuity=2,
         ),  # fmt: skip
         starts=4,  # our choice: there are many local optima
         instants=13,  # our choice: from fewer the first rounds wander from one local optimum to another

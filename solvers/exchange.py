@@ -299,7 +299,8 @@ def _merge(
 ) -> tuple[list[Instant], dict[Row, Row]]:
     """Adds peaks to the grid; one close to an instant that moves replaces it, and inherits its multiplier.
 
-    Where replacing them gains too little the rounds may go in a circle: ``keep`` leaves the old ones where they were put.
+    Where replacing them gains too little the rounds may go in a circle: ``keep`` leaves the old ones where they
+    were put.
     """
     merged, renamed = list(instants), {}
     for peak in peaks:

@@ -27,6 +27,12 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
         {"via_points": "table6", "payload": 7.5, "weights": (1.0, 0.0, 0.5, 2.0)},
         {"free_payload": True, "min_interval": 0.3, "max_interval": 0.9},  # guesses must be cut off at both bounds
     ],
+    "rotor-353": [
+        {"as_printed": True, "jerk": (2100.0, 2100.0, 2200.0, 4300.0, 4500.0, 7200.0), "payload": 4.0},
+        {"acceleration": (), "position_limits": False, "effort_limits": False},
+        {"free_payload": True, "min_duration": 0.3, "max_duration": 1.1, "max_payload": 3.0},
+        {"timing": "per_joint"},
+    ],
 }
 CASES = [(name, changes) for name in problems.names() for changes in ({}, *VARIANTS.get(name, ()))]
 EPS = np.finfo(float).eps

@@ -1,0 +1,89 @@
+"""What must read otherwise in Zhu and Wang, with the numbers that show it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from ocp_traj.comparison import Erratum
+from ocp_traj.problems import rotor_353 as paper
+
+Array = NDArray[np.float64]
+
+# (table, item): what it should read, and why. A comparison confirms each.
+MISPRINTS = {
+    ("Table 1", "row 4 a"): ("195", "the maker's description; the printed one repeats d_4"),
+    ("Table 2", "joint 3 X2"): ("-63.179", "with it, and only with it, the move from X2 to X3 is a pure translation"),
+}
+
+
+def turn(one: ArrayLike, two: ArrayLike) -> tuple[float, Array]:
+    """Angle [deg] and axis ``(3,)`` of the turn from one rotation to another; its vector is their product."""
+    vector = np.asarray(pin.log3(np.asarray(two) @ np.asarray(one).T))
+    angle = float(np.linalg.norm(vector))
+    return float(np.degrees(angle)), vector / angle if angle > 0.0 else np.array([0.0, 0.0, 1.0])
+
+
+def equation_errata() -> tuple[Erratum, ...]:
+    """Errors in equations, units and data, each with what shows it on the paper's own example."""
+    first, plane = inverse_as_printed()
+    vector = "0 0 0 0 0 0 0 x3 0 0 x0 0 0 x2 x1".split()
+    weights = [0.5 * np.cos(share) ** 2 for share in (0.0, 0.6)]
+    repaired = [0.4 + 0.5 * np.cos(np.pi * share / 2.0) ** 2 for share in (0.0, 0.6)]
+    largest = np.abs(np.array([line.split() for line in paper.TABLE_2_PRINTED.strip().splitlines()], float)).max()
+    case = paper.ZhuWang()
+    wrong_turn = turn(*paper.forward_kinematics(paper.table_1_to_pendant(paper.via_points(case)))[0][2:])[0]
+    return (
+        Erratum(
+            "Table 2, caption", "rad", "deg",
+            f"its largest entry, {largest:g}, would be {largest / (2.0 * np.pi):.1f} turns of joint 2, not 235 deg",
+        ),
+        Erratum(
+            "Table 2, joints 2 to 6", "the angles theta of Table 1", "the teach pendant's angles",
+            "theta = (J1, J2 - 90, -(J2 + J3), -J4, -J5, -J6): joint 3 is measured from the horizontal. Read as theta, "
+            f"the move from X2 to X3 turns the flange by {wrong_turn:.1f} deg and is no translation",
+        ),
+        Erratum(
+            "(3), theta_1", "atan2(py, px) of the flange", "of the wrist's centre, 75 mm behind it",
+            f"joint 1 of Table 2 comes out up to {first:.2f} deg off",
+        ),
+        Erratum(
+            "(3), k1 and k2", "a3 c23 + d4 s23 and a3 s23 - d4 c23", "a3 c23 - d4 s23 and a3 s23 + d4 c23",
+            "Table 1's alpha_1 and alpha_3 are -90 deg; as printed the wrist of Table 2's points is up to "
+            f"{plane:.0f} mm off. k3, h2 and the lengths behind k1 and k2 are not given at all",
+        ),
+        Erratum(
+            "(6)", f"{len(vector)} entries", "14 entries: six zeros, not seven, before x3",
+            "there are 14 coefficients; at the two inner points position, velocity and acceleration are continuous, "
+            "six conditions",
+        ),
+        Erratum(
+            "(10), first line", "(w_max - w_min) cos2(t / T_max)", "w_min + (w_max - w_min) cos2(pi t / (2 T_max))",
+            f"as printed w falls from {weights[0]:.2f} to {weights[1]:.2f} at 0.6 T_max, below w_min = 0.4; so, from "
+            f"{repaired[0]:.2f} to {repaired[1]:.2f}. (11) and (12) have their pi",
+        ),
+        Erratum(
+            "sect. 4, synchronisation", "the longest time of each phase keeps the constraints", "it need not",
+            "longer phases slow a joint down only together: a longer t1 alone changes the ratios; with our a_max and "
+            "the printed sign joint 3, which keeps its limits alone, exceeds its acceleration by 7 %",
+        ),
+        Erratum(
+            "sect. 4", "no limits", "v_max and a_max of (14) and (15)",
+            "neither is given; results cannot be checked without them",
+        ),
+    )  # fmt: skip
+
+
+def inverse_as_printed() -> tuple[float, float]:
+    """Largest error of theta_1 [deg] and of the wrist in the arm's plane [mm] by (3) at Table 2's four points."""
+    q = paper.via_points(paper.ZhuWang())
+    theta, arm = paper.pendant_to_table_1(q), paper.arm()
+    rotation, position = paper.forward_kinematics(q)
+    angle = np.degrees(np.arctan2(position[:, 1], position[:, 0]) - theta[:, 0])
+    wrist = position - arm.d6 * rotation[:, :, 2]
+    c23, s23 = np.cos(theta[:, 1] + theta[:, 2]), np.sin(theta[:, 1] + theta[:, 2])
+    along = np.hypot(wrist[:, 0], wrist[:, 1]) - arm.a1 - arm.a2 * np.cos(theta[:, 1])
+    down = arm.d1 - wrist[:, 2] - arm.a2 * np.sin(theta[:, 1])
+    gaps = np.hypot(along - arm.a3 * c23 - arm.d4 * s23, down - arm.a3 * s23 + arm.d4 * c23)
+    return float(np.abs(angle).max()), float(1000.0 * gaps.max())
