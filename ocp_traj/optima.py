@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from ocp_traj.problem import Problem
 
 SAME_VALUE = 1e-6  # relative: objectives further apart make two optima; our choice, 100 x what exchange leaves open
-    1e-6  # relative: objectives that differ by more make two optima; our choice, 100 x what exchange leaves open
-)
 SAME_CURVE = 1e-2  # of the joints' ranges: curves of one value closer than this are one optimum; our choice
 
 
