@@ -239,6 +239,7 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
         Objective("distance", "rad", 1.0, eq="(18)", variation=lambda s: s.q),
         Objective("fitness", "-", 1.0, eq="(16)", terms=dict(zip(("time", "distance"), case.weights, strict=True))),
     ]
+    worst = {"time": 4.0, "distance": 10.0, "fitness": 14.0}  # worth having; our choice
     if spheres:
         ends = directions(np.array([start, [*goal, 0.0]]))
         room = max(min(float(_clearance(ends, o).min()) for o in spheres), case.min_clearance + 1e-3)
@@ -246,6 +247,7 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
         margin = ("least clearance",)
         variables.append(Variable("margin", least, most, "rad", margin, "our choice", auxiliary_to="clearance"))
         objectives.append(Objective("clearance", "rad", 0.1, "max", "our choice", of_variables=lambda x, p: x[9]))
+        worst["clearance"] = case.min_clearance
     lower, upper = np.concatenate([v.lower for v in variables]), np.concatenate([v.upper for v in variables])
 
     def curve(x: Any) -> PiecewiseBezier:
@@ -284,7 +286,7 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
         parameters=(lambda x: x[9]) if spheres else (lambda x: casadi.SX(0, 1)),
         objectives=tuple(objectives),
         default_objective="fitness",
-        reference_point={"time": 4.0, "distance": 10.0, "fitness": 14.0, "clearance": case.min_clearance},
+        reference_point=worst,
         requirements=Requirements(
             JOINTS,
             UNITS,

@@ -14,7 +14,7 @@ from scipy.interpolate import BPoly, CubicSpline
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.nlp import NLP, Row
 from ocp_traj.problem import Objective, Problem, Variable
-from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.requirements import SWEEP, PathConstraint, PointConstraint, Requirements, State
 
 Array = npt.NDArray[np.float64]
 
@@ -243,12 +243,14 @@ class Direct:
         # Each segment over [0, T_k], by scipy.
         self.segments = [BPoly(p[:, None, :], [0.0, T]) for p, T in zip(points, durations.ravel(), strict=True)]
 
-    def value(self, expression: Callable[[State], Any], k: int, u: float, constants: Array) -> Array:
-        """An expression of the state at local time u of segment k."""
+    def value(
+        self, expression: Callable[[State], Any], k: int, u: float, constants: Array, sweep: float | None = None
+    ) -> Array:
+        """An expression of the state at local time u of segment k, and at a place along the sweep of a swept limit."""
         curve = self.segments[k]
         t = u * curve.x[-1]
         derivatives = [curve.derivative(order)(t) if order else curve(t) for order in range(5)]
-        numbers = [*derivatives, u, self.p, constants]
+        numbers = [*derivatives, u, self.p, constants, *([] if sweep is None else [sweep])]
         if expression not in self._compiled:
             state = State(*(ca.SX.sym(name, np.size(n)) for name, n in zip(State._fields, numbers, strict=False)))
             self._compiled[expression] = ca.Function(
@@ -263,12 +265,35 @@ class Direct:
             return sum(factor * self.objective(term) for term, factor in objective.terms.items())
         if objective.of_variables is not None:
             return float(ca.evalf(ca.SX(objective.of_variables(ca.DM(self.x), ca.DM(self.p)))))
-        assert objective.integrand is not None
         total = 0.0
+        if objective.variation is not None:
+            for k in range(len(self.segments)):
+                for row, inner in enumerate(self.turning(objective, k)):
+                    nodes = [0.0, *inner, 1.0]
+                    values = [self.value(objective.variation, k, u, np.zeros(0))[row] for u in nodes]
+                    total += float(np.abs(np.diff(values)).sum())
+            return total
+        assert objective.integrand is not None
         for k, curve in enumerate(self.segments):
             for u, weight in objective.quadrature:
                 total += curve.x[-1] * weight * float(self.value(objective.integrand, k, u, np.zeros(0))[0])
         return total
+
+    def turning(self, objective: Objective, k: int) -> list[list[float]]:
+        """Local times at which each row of a total variation may turn back on segment k, in order.
+
+        A row is a polynomial of the curve's degree: numpy interpolates it and finds its derivative's roots. The real
+        part of a complex root is a node too many, which does no harm to a sum of steps.
+        """
+        assert objective.variation is not None
+        degree = self.segments[k].c.shape[0] - 1
+        u = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree)
+        samples = np.array([self.value(objective.variation, k, float(place), np.zeros(0)) for place in u])
+        found = []
+        for row in samples.T:
+            derivative = np.polynomial.Polynomial.fit(u, row, degree, domain=[0.0, 1.0]).deriv()
+            found.append(sorted(float(r) for r in derivative.roots().real if 0.0 < r < 1.0))
+        return found
 
     def limit(self, limit: PathConstraint | PointConstraint, k: int, u: float) -> Array:
         """A limit at local time u of segment k: ``(rows,)``."""
@@ -279,7 +304,17 @@ class Direct:
         """Largest excess of each row over its bounds at instants of every segment, in units of the limit's scale."""
         last = len(self.segments) - 1
         grid = [(k, u) for k in range(last + 1) for u in instants if both_sides or u < 1.0 or k == last]
-        values = np.array([self.limit(limit, k, u) for k, u in grid])
+        if limit.sweep:  # looked at where a population looks
+            table = limit.constants
+            values = np.array(
+                [
+                    self.value(limit.expression, k, u, np.zeros(0) if table is None else table[k], float(s))
+                    for k, u in grid
+                    for s in SWEEP
+                ]
+            )
+        else:
+            values = np.array([self.limit(limit, k, u) for k, u in grid])
         return np.asarray(np.maximum(values - limit.upper, limit.lower - values).max(axis=0) / limit.scale)
 
 
