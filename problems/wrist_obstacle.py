@@ -297,7 +297,7 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
         ),  # fmt: skip
         starts=4,  # our choice: there are many local optima
         instants=13,  # our choice: from fewer the first rounds wander from one local optimum to another
-        expand=not case.effort_limits,
+        expand=True,
         guess=guess,
         dilate=dilate,
         homotopy=lambda trajectory: way(trajectory.curve, spheres, branch),

@@ -29,7 +29,7 @@ from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.solvers.multistart import Multistart
+from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.pareto_set import ParetoSet
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.transcription import trajectory
@@ -76,6 +76,8 @@ class FrontTracer:
         interrupted = False
         try:
             trace.ends()
+            if len(objectives) == 2 and problem.starts > 1:
+                trace.sharpen()
             trace.fill() if len(objectives) == 2 else trace.lattice()
         except KeyboardInterrupt:
             interrupted = True
@@ -139,6 +141,30 @@ class _Trace:
             stand_in = self._evaluated(x0, self.solutions[nearest])
             if stand_in is not None:
                 self._add(stand_in)
+
+    def sharpen(self) -> None:
+        """Makes each of two ends the best in the other objective as well, from random starts.
+
+        Where one objective cannot be pushed further many trajectories have its best value, and in a problem with many
+        local optima the augmentation alone does not find the best of those.
+        """
+        for k, name in enumerate(self.names):
+            span = np.ptp(self.values, axis=0)
+            if len(self.values) != 2 or (span <= FLAT * np.abs(self.values).max(axis=0)).any():
+                return
+            other, value = self.names[1 - k], self.values[k, k]
+            scalar = EpsilonConstraint(other, {name: float(self.signs[k] * (value + FLAT * abs(value)))})
+            starts = max(self.tracer.starts, self.problem.starts)
+            solution = Multistart(self.tracer.solver, starts, self.tracer.seed + len(self.names) + k).solve(
+                self.problem, scalar
+            )
+            self._count(solution)
+            if (
+                solution.ok
+                and self._sign(other) * solution.objectives[other] < self.values[k, 1 - k] - FLAT * span[1 - k]
+            ):
+                self.solutions[k] = solution
+                self.values[k] = self.signs * np.array([solution.objectives[n] for n in self.names])
 
     def _end(self, name: str) -> EpsilonConstraint:
         known = self.problem.reference_point
@@ -231,9 +257,15 @@ class _Trace:
         solver = replace(self.tracer.solver, first=known.instants)
         solution = solver.solve(self.problem, scalar, x0)
         self._count(solution)
-        if not solution.ok:  # once more, from the neighbour itself and with all rows
-            solution = self.tracer.solver.solve(self.problem, scalar, known.x)
-            self._count(solution)
+        others = [self.solutions[i].x for i in neighbours if i != nearest]
+        # Once more, from the neighbours themselves and with all rows: of many local optima the other may lead to a
+        # better one.
+        for x in [known.x, *others] if not solution.ok else others if self.problem.starts > 1 else []:
+            again = self.tracer.solver.solve(self.problem, scalar, x)
+            self._count(again)
+            solution = best_of([solution, again])
+            if solution.ok and self.problem.starts == 1:
+                break
         new = False
         if solution.ok:
             self._add(solution)
