@@ -334,7 +334,8 @@ def _pairs(assignments: Sequence[str] | None, option: str) -> dict[str, str]:
     for text in assignments or ():
         name, equals, value = text.partition("=")
         if not (equals and name.strip() and value.strip()):
-            raise InputError(f"{option} {text!r} is not NAME=VALUE")
+            hint = f"; an empty list is written {name.strip()}=none" if equals and name.strip() else ""
+            raise InputError(f"{option} {text!r} is not NAME=VALUE{hint}")
         if name.strip() in pairs:
             raise InputError(f"{option} gives {name.strip()!r} twice; give it once")
         pairs[name.strip()] = value.strip()

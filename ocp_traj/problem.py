@@ -142,6 +142,7 @@ class Problem:
         starts: random starts of a local solver when not told how many.
         instants: a segment, of a first grid of constraint exchange that stays; if not given, degree/2 + 1, at least 3,
             of which those far from their limits are dropped.
+        rounds: of constraint exchange, at most.
         expand: write the NLP's functions out, operation by operation, instead of mapping them over instants: many times
             quicker to evaluate where they are short, slow to build where they are long.
         alternatives: where the problem leaves a discrete choice open, the problem of each choice, by its name; they
@@ -172,6 +173,7 @@ class Problem:
     reference_point: Mapping[str, float] = field(default_factory=dict)
     starts: int = 1
     instants: int | None = None
+    rounds: int = 10
     expand: bool = False
     alternatives: Mapping[str, Problem] = field(default_factory=dict)
     homotopy: Callable[[Trajectory], str] | None = None

@@ -8,7 +8,7 @@ from ocp_traj import problems
 from ocp_traj.comparison import Comparison, Erratum, Reproduction, Run
 from ocp_traj.errors import InputError, UnknownName
 from ocp_traj.progress import Progress, silent
-from ocp_traj.reproductions import hybrid_spline, rotor_353
+from ocp_traj.reproductions import hybrid_spline, rotor_353, wrist_obstacle
 
 __all__ = ["REGISTRY", "Comparison", "Erratum", "Reproduction", "Run", "names", "reproduce"]
 
@@ -16,6 +16,7 @@ __all__ = ["REGISTRY", "Comparison", "Erratum", "Reproduction", "Run", "names", 
 REGISTRY: dict[str, tuple[Callable[[int, Progress], Reproduction], int]] = {
     "hybrid-spline": (hybrid_spline.run, 3),
     "rotor-353": (rotor_353.run, 30),
+    "wrist-obstacle": (wrist_obstacle.run, 8),
 }
 
 

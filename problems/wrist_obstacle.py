@@ -297,6 +297,7 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
         ),  # fmt: skip
         starts=4,  # our choice: there are many local optima
         instants=13,  # our choice: from fewer the first rounds wander from one local optimum to another
+        rounds=40,  # our choice: past two obstacles optima lie in valleys so flat that 26 rounds were needed
         expand=True,
         guess=guess,
         dilate=dilate,

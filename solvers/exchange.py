@@ -52,7 +52,7 @@ class Exchange:
 
     Attributes:
         solver: of the NLPs.
-        max_rounds: solves.
+        max_rounds: solves; as many as the problem asks for if not given.
         back_off: tightening of the limits in the NLP, so that a solution at a limit can be proved to be within it.
         repair: whether to slow an unproved last solution down until it is proved, where the problem allows that.
         first: the first grid; None for ``few_instants``.
@@ -60,7 +60,7 @@ class Exchange:
     """
 
     solver: Ipopt = field(default_factory=Ipopt)
-    max_rounds: int = 10
+    max_rounds: int | None = None
     back_off: float = BACK_OFF
     repair: bool = True
     first: Sequence[Instant] | None = None
@@ -69,6 +69,10 @@ class Exchange:
     def opening(self, problem: Problem, scalarisation: Scalarisation) -> NLP:
         """The NLP of the first round."""
         return transcribe(problem, scalarisation, self._first(problem), self.back_off)
+
+    def rounds(self, problem: Problem) -> int:
+        """How many rounds a problem gets."""
+        return problem.rounds if self.max_rounds is None else self.max_rounds
 
     def _first(self, problem: Problem) -> list[Instant]:
         given = [replace(instant, slope=None) for instant in self.first or ()]  # slopes of another solution mislead
@@ -100,7 +104,8 @@ class Exchange:
         back_off, excess = self.back_off, np.inf
         last: Solution | None = None  # feasible at its instants
         proved: Solution | None = None  # the last that is proved, its total variations not yet exact
-        for number in range(1, self.max_rounds + 1):
+        most = self.rounds(problem)
+        for number in range(1, most + 1):
             nlp = transcribe(problem, scalarisation, instants, back_off)
             start = nlp.start(x)
             follows = any(instant.slope is not None for instant in instants)
@@ -123,7 +128,7 @@ class Exchange:
             x, extra = solution.x[: problem.size], solution.x[problem.size :]
             last = solution = _finished(problem, scalarisation, solution, x, begun)
             assert solution.audit is not None and solution.trajectory is not None
-            self.progress(number, self.max_rounds, f"{len(nlp.rows)} rows, {solution.audit.verdict}")
+            self.progress(number, most, f"{len(nlp.rows)} rows, {solution.audit.verdict}")
             updated = turned(problem, scalarisation, instants, solution.trajectory)
             if solution.audit.proved:
                 proved = solution

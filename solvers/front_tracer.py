@@ -39,6 +39,7 @@ Array = NDArray[np.float64]
 SAME = 1e-9  # of the front's extent: points closer than this in every objective are one; our choice
 REFINEMENTS = 4  # how many finer lattices are tried where the first one leaves points to be had: our choice
 FLAT = 1e-7  # relative: ends closer than this are one point; our choice, far above what back-off and solver leave open
+WORTHWHILE = 1e-5  # of the front's extent: what an end must gain to be replaced; our choice, far above FLAT
 RAY = np.concatenate([np.linspace(0.5, 1.0, 40), np.linspace(1.0, 2.0, 41)[1:]])  # dilations tried: our choice
 
 
@@ -161,7 +162,7 @@ class _Trace:
             self._count(solution)
             if (
                 solution.ok
-                and self._sign(other) * solution.objectives[other] < self.values[k, 1 - k] - FLAT * span[1 - k]
+                and self._sign(other) * solution.objectives[other] < self.values[k, 1 - k] - WORTHWHILE * span[1 - k]
             ):
                 self.solutions[k] = solution
                 self.values[k] = self.signs * np.array([solution.objectives[n] for n in self.names])
@@ -272,6 +273,8 @@ class _Trace:
             new = bool((np.abs(self.values[-1] - self.values[:-1]) / span).max(axis=1).min() > SAME)
             if not new:
                 self._drop()
+            elif len(self.names) == 2:
+                new = self._ranked(span)
         self.tracer.progress(len(self.solutions), self.tracer.points, self._words())
         return new
 
@@ -304,6 +307,20 @@ class _Trace:
     def _drop(self) -> None:
         self.solutions.pop()
         self.values = self.values[:-1]
+
+    def _ranked(self, span: Array) -> bool:
+        """Whether the last point is dominated by none; those that it dominates are dropped, else it is itself.
+
+        A local solver ends now and then in a local optimum, beside which the next point is better in both.
+        """
+        last, room = self.values[-1], SAME * span
+        if ((self.values[:-1] <= last + room).all(axis=1) & (self.values[:-1] < last - room).any(axis=1)).any():
+            self._drop()
+            return False
+        worse = (self.values >= last - room).all(axis=1) & (self.values > last + room).any(axis=1)
+        self.solutions = [s for s, out in zip(self.solutions, worse.tolist(), strict=True) if not out]
+        self.values = self.values[~worse]
+        return True
 
     def _words(self) -> str:
         last = self.values[-1] * self.signs

@@ -78,7 +78,7 @@ class Multistart:
         """``SOLVES`` solutions of a start; those whose first NLP leads where an earlier one has led are that one's."""
         usual = self.solver
         close = replace(usual.solver, options={**NARROW, **usual.solver.options})
-        narrow = replace(usual, solver=close, max_rounds=ROUNDS * usual.max_rounds)
+        narrow = replace(usual, solver=close, max_rounds=ROUNDS * usual.rounds(problem))
         nlps = [(solver, solver.opening(problem, scalarisation), []) for solver in (usual, narrow)]
 
         def one(solver: Exchange, nlp: NLP, known: list[tuple[Solution, Solution]], x0: Array) -> Solution:

@@ -222,25 +222,28 @@ def test_both_branches_point_the_link_at_the_point() -> None:
 
 def test_the_limit_is_met_exactly_where_the_whole_link_is_clear() -> None:
     """Spheres within reach, by a cosine, and those whose far side the tip does not reach, by a sweep of the link."""
-    rng, seen = np.random.default_rng(2), {("obstacles", True): 0, ("far-obstacles", True): 0}
-    for key in list(seen):
-        seen[key[0], False] = 0
+    rng = np.random.default_rng(2)
+    seen = {(name, clear): 0 for name in ("obstacles", "far-obstacles") for clear in (True, False)}
+    plain = problems.load("wrist-obstacle", branch="0")
     for trial in range(60):
-        centre = rng.normal(size=3)
-        centre *= rng.uniform(0.7, 2.6) / np.linalg.norm(centre)
-        sphere = (*centre.tolist(), float(rng.uniform(0.1, 0.6)))
-        problem = problems.load("wrist-obstacle", branch="0", obstacles=(sphere,))
-        (limit,) = [c for c in problem.requirements.path_constraints if c.id.endswith("obstacles")]
-        expected = "obstacles" if 2.0 >= sqrt(centre @ centre - (sphere[3] + LINK) ** 2) else "far-obstacles"
-        assert limit.id == expected and limit.sweep == (expected == "far-obstacles")
-        x = random_x(problem, trial)
+        x = random_x(plain, trial)
         x[9] = 0.0
+        # Near the way of the tip, so that there is something to hit.
+        centre = tip(trajectory(plain, x).curve.at(trial % 2, rng.uniform(0.2, 0.8))[0]) * rng.uniform(0.4, 1.3)
+        centre += 0.2 * rng.normal(size=3)
+        radius = float(rng.uniform(0.1, 0.6))
+        if np.linalg.norm(centre) < radius + 2.0 * LINK:
+            continue
+        problem = problems.load("wrist-obstacle", branch="0", obstacles=((*centre.tolist(), radius),))
+        (limit,) = [c for c in problem.requirements.path_constraints if c.id.endswith("obstacles")]
+        within = 2.0 >= sqrt(centre @ centre - (radius + LINK) ** 2)
+        assert limit.id == ("obstacles" if within else "far-obstacles") and limit.sweep == (not within)
         moving = trajectory(problem, x)
         u = np.linspace(0.0, 1.0, 40)
         for k in (0, 1):
             values = limit_on(moving, problem.requirements, limit, k, u)[0]
             for q, value in zip(moving.curve.at(k, u), values, strict=True):
-                gap = segment_distance(tip(q), centre) - sphere[3] - LINK
+                gap = segment_distance(tip(q), centre) - radius - LINK
                 if abs(gap) > 0.02:  # a swept limit is looked at in 17 places here; the proof has no such gap
                     assert (value <= 0.0) == (gap > 0.0)
                     seen[limit.id, gap > 0.0] += 1
@@ -282,9 +285,7 @@ def test_efforts_are_pinocchios() -> None:
             states = [moving.curve.at(k, u, order) for order in range(3)]
             theirs = np.array([pin.rnea(model, data, *state) for state in zip(*states, strict=True)])
             ours = limit_on(moving, problem.requirements, limit, k, u).T
-            assert_allclose(ours, theirs, atol=1e-3 * np.abs(theirs).max())  # pinocchio and we differ on g by 3e-4
-            model_g = np.array([pin.rnea(model, data, *state) for state in zip(*states, strict=True)])
-            assert np.isfinite(model_g).all()
+            assert_allclose(ours, theirs, atol=1e-10 * np.abs(theirs).max())
 
 
 # --- known optima ---
@@ -325,6 +326,15 @@ def test_both_branches_are_solved_and_the_better_one_chosen() -> None:
 
 
 @pytest.mark.slow
+def test_without_obstacles_no_clearance_is_spoken_of() -> None:
+    problem = problems.load("wrist-obstacle", branch="0", obstacles=())
+    assert [o.id for o in problem.objectives] == ["time", "distance", "fitness"]
+    solution = solve(problem)
+    assert solution.f == approx(4.3372007, abs=1e-6)
+    check(problem, solution.x, ())
+
+
+@pytest.mark.slow
 def test_most_starts_of_a_branch_end_in_its_best_optimum(wrist: Problem) -> None:
     solution = solve(wrist, starts=20, all_optima=True)
     best, *others = solution.optima
@@ -340,7 +350,7 @@ def test_most_starts_of_a_branch_end_in_its_best_optimum(wrist: Problem) -> None
 
 def test_two_spheres_are_both_cleared() -> None:
     """The second sphere stands in the way of the optimum past the first."""
-    centre = 1.2 * tip((2.2, 2.2, 0.0)) / 2.0
+    centre = 1.2 * tip((1.9, 1.9, 0.0)) / 2.0
     spheres = (SPHERE, (*centre.tolist(), 0.15))
     problem = problems.load("wrist-obstacle", branch="0", obstacles=spheres)
     solution = solve(problem, starts=3)
@@ -354,12 +364,11 @@ def test_two_spheres_are_both_cleared() -> None:
 def test_an_obstacle_beyond_the_tips_reach_is_passed_by_the_tip_itself() -> None:
     problem = problems.load("wrist-obstacle", branch="0", obstacles=(FAR,))
     assert [c.id for c in problem.requirements.path_constraints][-1] == "far-obstacles"
-    solution = solve(problem, starts=2)
+    solution = solve(problem, starts=1)
     assert solution.status is Status.SOLVED and solution.audit is not None and solution.audit.proved
     check(problem, solution.x, (FAR,))
     assert least_distance(polynomials(problem, solution.x), FAR) < 1e-6  # it is touched
-    free = solve(problems.load("wrist-obstacle", branch="0", obstacles=()), starts=1)
-    assert solution.f > free.f + 0.01
+    assert solution.f > 4.3372007  # without an obstacle, see below
 
 
 def far_from_the_solver(problem: Problem) -> str:
