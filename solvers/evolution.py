@@ -54,6 +54,7 @@ class Vectorised(PymooProblem):  # type: ignore[misc]  # pymoo is untyped
         self.handling, self.weight = handling, weight
         self.last: tuple[Array, Array, Array] = (np.empty((0, problem.size)), np.empty(0), np.empty(0))
         self.population = Population(problem, objectives, per_segment, refine)
+        self.idle, self.least = problem.idle(objectives), problem.lower
         chosen = [problem.objective(name) for name in objectives]
         self.signs = np.array([1.0 if o.sense == "min" else -1.0 for o in chosen])
         self.scales = np.array([o.scale for o in chosen])
@@ -71,8 +72,13 @@ class Vectorised(PymooProblem):  # type: ignore[misc]  # pymoo is untyped
             xu=problem.upper,
         )
 
+    def meant(self, x: Array) -> Array:
+        """Individuals ``(N, n)``, the auxiliary variables of objectives that are not traded where they ask least."""
+        return np.where(self.idle, self.least, x)
+
     def _evaluate(self, x: Array, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
         begun = time.perf_counter()
+        x = self.meant(x)
         evaluation = self.population.evaluate(x)
         f = evaluation.objectives * self.signs
         bounded = np.isfinite(self.worst)
@@ -158,7 +164,7 @@ def evolve(
     best = np.empty((0, target.problem_size))
     if algorithm.opt is not None and len(algorithm.opt) and len(rows):
         met = np.ravel(algorithm.opt.get("excess").astype(float)) <= 0.0
-        best = np.atleast_2d(algorithm.opt.get("X").astype(float))[met]
+        best = target.meant(np.atleast_2d(algorithm.opt.get("X").astype(float))[met])
     if target.n_obj == 1:
         best = champion[None] if champion is not None else best[:0]
     history = pd.DataFrame(rows, columns=["evaluations", "best", "violation"]).rename_axis("generation")
