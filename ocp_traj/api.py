@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -245,8 +246,8 @@ def pareto(
             budget /= len(problem.alternatives)
         return _best_front(
             {
-                name: lambda alternative=alternative: pareto(
-                    alternative, objectives, method=method, seed=seed, budget=budget,
+                name: partial(
+                    pareto, alternative, objectives, method=method, seed=seed, budget=budget,
                     keep_unproved=keep_unproved, progress=progress, **options,
                 )
                 for name, alternative in problem.alternatives.items()
@@ -331,5 +332,5 @@ def payload(
     if max_time is not None:
         case = {name: getattr(problem.case, name) for name in problem.case.__dataclass_fields__}
         free = problems.load(problem.id, **{**case, "free_payload": True})
-        return within(free, max_time, Multistart(Exchange(), starts, seed, progress))
+        return within(free, max_time, Multistart(Exchange(), starts, seed, progress=progress))
     return static_bound(problem)

@@ -112,7 +112,7 @@ class ElHaiek2019:
         return self.start or start, self.goal or goal
 
 
-def _size(point: Sequence[float]) -> float:
+def _size(point: Sequence[float] | Array) -> float:
     return hypot(*point)
 
 
@@ -169,7 +169,7 @@ def directions(q: Array) -> Array:
     return np.stack([np.cos(q[:, 0]) * sine, np.sin(q[:, 0]) * sine, np.cos(q[:, 1])], axis=1)
 
 
-def inverse_kinematics(point: Sequence[float], branch: int = 0) -> tuple[float, float]:
+def inverse_kinematics(point: Sequence[float] | Array, branch: int = 0) -> tuple[float, float]:
     """theta1, theta2 [rad] in (-pi, pi] that point the link at a point; branch 1 is (th1 -+ pi, -th2)."""
     x, y, z = point
     th1, th2 = atan2(y, x), atan2(hypot(x, y), z)
@@ -317,10 +317,16 @@ def _limits(case: ElHaiek2019, machine: Robot, spheres: Sequence[Obstacle]) -> l
             PathConstraint.on_derivative(f"{name}-limit", order, low, high, [u + per for u in UNITS], JOINTS, eq)
         )
     if case.effort_limits:
-        low, high = machine.limits.bounds("effort") or (0.0, 0.0)
+        most = np.array(case.max_effort)
         limits.append(
             PathConstraint(
-                "effort", lambda s: machine.effort(s.q, s.v, s.a), low, high, machine.effort_units, JOINTS, "our choice"
+                "effort",
+                lambda s: machine.effort(s.q, s.v, s.a),
+                -most,
+                most,
+                machine.effort_units,
+                JOINTS,
+                "our choice",
             )
         )
     near = [o for o in spheres if o.within_reach]
@@ -407,7 +413,7 @@ def way(curve: PiecewiseBezier, spheres: Sequence[Obstacle], branch: int) -> str
     for sphere in spheres:
         signs = ""
         for image in (0, 1):
-            away = q[:, :2] - inverse_kinematics(sphere.centre, image)
+            away = q[:, :2] - np.array(inverse_kinematics(sphere.centre, image))
             angle = np.unwrap(np.arctan2(away[:, 1], away[:, 0]))
             turn = angle[-1] - angle[0]
             turns = int(abs(turn) // (2.0 * pi))

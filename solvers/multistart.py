@@ -79,7 +79,9 @@ class Multistart:
         usual = self.solver
         close = replace(usual.solver, options={**NARROW, **usual.solver.options})
         narrow = replace(usual, solver=close, max_rounds=ROUNDS * usual.rounds(problem))
-        nlps = [(solver, solver.opening(problem, scalarisation), []) for solver in (usual, narrow)]
+        nlps: list[tuple[Exchange, NLP, list[tuple[Solution, Solution]]]] = [
+            (solver, solver.opening(problem, scalarisation), []) for solver in (usual, narrow)
+        ]
 
         def one(solver: Exchange, nlp: NLP, known: list[tuple[Solution, Solution]], x0: Array) -> Solution:
             opened = solver.solver.solve(nlp, nlp.start(x0))

@@ -21,6 +21,8 @@ from ocp_traj.reproductions.wrist_obstacle_errata import equation_errata, later_
 from ocp_traj.scalarise import WeightedSum
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.ga import GA
+from ocp_traj.symbolic import evaluate_objectives
+from ocp_traj.transcription import trajectory
 
 Array = NDArray[np.float64]
 
@@ -111,8 +113,8 @@ def dilations(best: Solution) -> pd.DataFrame:
     assert problem.dilate is not None
     rows = []
     for s in SCALES:
-        moved = api.trajectory(problem, problem.dilate(best.x, s))
-        values = api.evaluate_objectives(problem, problem.dilate(best.x, s))
+        moved = trajectory(problem, problem.dilate(best.x, s))
+        values = evaluate_objectives(problem, problem.dilate(best.x, s))
         v, a = (max(max(-e.lower, e.upper) for e in moved.curve.extrema(order)) for order in (1, 2))
         rows.append((s, values["time"], values["distance"], v, a))
     return pd.DataFrame(rows, columns=["scale", "time [s]", "distance [rad]", "peak v [rad/s]", "peak a [rad/s2]"])
