@@ -284,7 +284,8 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
         parameters=(lambda x: x[9]) if spheres else (lambda x: casadi.SX(0, 1)),
         objectives=tuple(objectives),
         default_objective="fitness",
-        reference_point={"time": 4.0, "distance": 10.0, "fitness": 14.0, "clearance": case.min_clearance},
+        reference_point={"time": 4.0, "distance": 10.0, "fitness": 14.0}
+        | ({"clearance": case.min_clearance} if spheres else {}),
         requirements=Requirements(
             JOINTS,
             UNITS,

@@ -14,7 +14,7 @@ from scipy.interpolate import BPoly, CubicSpline
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.nlp import NLP, Row
 from ocp_traj.problem import Objective, Problem, Variable
-from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.requirements import SWEEP, PathConstraint, PointConstraint, Requirements, State
 
 Array = npt.NDArray[np.float64]
 
@@ -243,12 +243,14 @@ class Direct:
         # Each segment over [0, T_k], by scipy.
         self.segments = [BPoly(p[:, None, :], [0.0, T]) for p, T in zip(points, durations.ravel(), strict=True)]
 
-    def value(self, expression: Callable[[State], Any], k: int, u: float, constants: Array) -> Array:
-        """An expression of the state at local time u of segment k."""
+    def value(
+        self, expression: Callable[[State], Any], k: int, u: float, constants: Array, sweep: float | None = None
+    ) -> Array:
+        """An expression of the state at local time u of segment k, and at a place along its sweep if it has one."""
         curve = self.segments[k]
         t = u * curve.x[-1]
         derivatives = [curve.derivative(order)(t) if order else curve(t) for order in range(5)]
-        numbers = [*derivatives, u, self.p, constants]
+        numbers = [*derivatives, u, self.p, constants, *([] if sweep is None else [sweep])]
         if expression not in self._compiled:
             state = State(*(ca.SX.sym(name, np.size(n)) for name, n in zip(State._fields, numbers, strict=False)))
             self._compiled[expression] = ca.Function(
@@ -263,6 +265,8 @@ class Direct:
             return sum(factor * self.objective(term) for term, factor in objective.terms.items())
         if objective.of_variables is not None:
             return float(ca.evalf(ca.SX(objective.of_variables(ca.DM(self.x), ca.DM(self.p)))))
+        if objective.variation is not None:
+            return sum(self._variation(objective.variation, k) for k in range(len(self.segments)))
         assert objective.integrand is not None
         total = 0.0
         for k, curve in enumerate(self.segments):
@@ -270,16 +274,32 @@ class Direct:
                 total += curve.x[-1] * weight * float(self.value(objective.integrand, k, u, np.zeros(0))[0])
         return total
 
-    def limit(self, limit: PathConstraint | PointConstraint, k: int, u: float) -> Array:
+    def _variation(self, expression: Callable[[State], Any], k: int) -> float:
+        """Total variation on segment k of rows linear in q: polynomials through samples, their turning points."""
+        degree = self.segments[k].c.shape[0] - 1
+        nodes = (1.0 - np.cos(np.pi * np.arange(degree + 1) / max(degree, 1))) / 2.0
+        samples = np.array([self.value(expression, k, u, np.zeros(0)) for u in nodes])
+        total = 0.0
+        for row in samples.T:
+            fitted = np.polynomial.Chebyshev.fit(nodes, row, degree, domain=[0.0, 1.0])
+            roots = fitted.deriv().roots()
+            inner = np.sort(roots.real[(np.abs(roots.imag) < 1e-4) & (roots.real > 0.0) & (roots.real < 1.0)])
+            total += float(np.abs(np.diff(fitted(np.array([0.0, *inner, 1.0])))).sum())
+        return total
+
+    def limit(
+        self, limit: PathConstraint | PointConstraint, k: int, u: float, sweep: float | None = None
+    ) -> Array:
         """A limit at local time u of segment k: ``(rows,)``."""
         table = getattr(limit, "constants", None)
-        return self.value(limit.expression, k, u, np.zeros(0) if table is None else table[k])
+        return self.value(limit.expression, k, u, np.zeros(0) if table is None else table[k], sweep)
 
     def excess(self, limit: PathConstraint, instants: Iterable[float], both_sides: bool = True) -> Array:
         """Largest excess of each row over its bounds at instants of every segment, in units of the limit's scale."""
         last = len(self.segments) - 1
         grid = [(k, u) for k in range(last + 1) for u in instants if both_sides or u < 1.0 or k == last]
-        values = np.array([self.limit(limit, k, u) for k, u in grid])
+        places = SWEEP if limit.sweep else [None]
+        values = np.array([self.limit(limit, k, u, place) for k, u in grid for place in places])
         return np.asarray(np.maximum(values - limit.upper, limit.lower - values).max(axis=0) / limit.scale)
 
 
