@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import isfinite, pi
 from pathlib import Path
-from typing import NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 import pandas as pd
@@ -338,3 +338,16 @@ def _power(coefficients: Sequence[float] | Array, degree: int) -> Array:
     """Powers' coefficients from Chebyshev's, of full length even where the highest are zero."""
     found = chebyshev.cheb2poly(coefficients)
     return np.pad(found, (0, degree + 1 - len(found)))
+
+
+def at_piece(constants: Any, u: Any, degree: int = DEGREE) -> tuple[Any, Any]:
+    """Place and axis ``(3,)`` of a torch at local time u of a piece, symbolic, from its row of ``Pieces.constants``."""
+    w = 2.0 * u - 1.0
+    found = []
+    for part in range(2):
+        value: Any = 0.0
+        for power in range(degree, -1, -1):
+            first = 3 * (degree + 1) * part + 3 * power
+            value = value * w + constants[first : first + 3]
+        found.append(value)
+    return found[0], found[1]

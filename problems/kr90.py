@@ -8,7 +8,7 @@ assumptions. Limits up to snap are Table 3 of Ogbemhe et al. (2019), positions i
 
 from __future__ import annotations
 
-from math import pi
+from math import hypot, pi
 from typing import Any
 
 import numpy as np
@@ -56,11 +56,17 @@ EFFORT = (7290.0, 8910.0, 7539.0, 2431.0, 1461.0, 893.0)  # [N m], KR150 R3100-2
 COULOMB = 0.03  # of the effort: our assumption, as the next two
 VISCOUS = 0.05  # of the effort, at the largest velocity
 CREEP = 0.02  # of the largest velocity: where the Coulomb friction has risen to 76 %
-WRIST_REACH = 3.1006  # [m] from A2 to the wrist's centre, arm straight: 1.350 + hypot(0.041, 1.400)
+REACH = 1.350 + hypot(0.041, 1.400)  # [m] from A2 to the wrist's centre, arm straight
 
 
-def robot(payload: float = 0.0) -> Robot:
-    """The stand-in, its torch mounted; ``payload`` [kg] is a point mass at the flange's origin beside it."""
+def robot(payload: float = 0.0, *, riser: float = 0.0, gravity: float = 9.81) -> Robot:
+    """The stand-in, its torch mounted.
+
+    Args:
+        payload: a point mass at the flange's origin beside the torch [kg].
+        riser: height on which the robot stands [m].
+        gravity: [m/s2].
+    """
     joints = []
     for (angles, place), (mass, centre, moments, axes) in zip(PLACEMENTS, LINKS, strict=True):
         turn = rpyToMatrix(*axes)
@@ -72,6 +78,8 @@ def robot(payload: float = 0.0) -> Robot:
         rows=(),
         inertias=(),
         prefix=joints,
+        base=pin.SE3(np.eye(3), np.array([0.0, 0.0, riser])),
+        gravity=(0.0, 0.0, -gravity),
         tool=flange * pin.SE3(rpyToMatrix(0.0, np.radians(TIP[1]), 0.0), np.array(TIP[0])),
         joints=JOINTS,
         units=("rad",) * 6,

@@ -231,7 +231,7 @@ def _peaks(problem: Problem, limit: PathConstraint, candidate: Trajectory, back_
     low, high = _scaled_bounds(limit, back_off)
     u = np.linspace(0.0, 1.0, SCAN)
     members: list[Instant] = []
-    for k in range(candidate.curve.segments):
+    for k in filter(limit.holds_on, range(candidate.curve.segments)):
         if limit.sweep:
             members += swept_peaks(problem, limit, k, candidate, back_off)
             continue

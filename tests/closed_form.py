@@ -297,7 +297,8 @@ class Direct:
     def excess(self, limit: PathConstraint, instants: Iterable[float], both_sides: bool = True) -> Array:
         """Largest excess of each row over its bounds at instants of every segment, in units of the limit's scale."""
         last = len(self.segments) - 1
-        grid = [(k, u) for k in range(last + 1) for u in instants if both_sides or u < 1.0 or k == last]
+        held = [k for k in range(last + 1) if limit.segments is None or k in limit.segments]
+        grid = [(k, u) for k in held for u in instants if both_sides or u < 1.0 or k == last]
         places = SWEEP if limit.sweep else [None]
         values = np.array([self.limit(limit, k, u, place) for k, u in grid for place in places])
         return np.asarray(np.maximum(values - limit.upper, limit.lower - values).max(axis=0) / limit.scale)
