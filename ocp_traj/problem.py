@@ -141,8 +141,10 @@ class Problem:
         reference_point: per objective, the worst value worth having: it bounds a front and its hypervolume.
         starts: random starts of a local solver when not told how many.
         instants: a segment, of a first grid of constraint exchange that stays; if not given, degree/2 + 1, at least 3,
-            of which those far from their limits are dropped; or how many of each limit, none of those not named, which
-            are looked at between solves only.
+            of which those far from their limits are dropped; or the local times of each limit, with none of those not
+            named, which are looked at between solves only.
+        instants_move: whether instants of constraint exchange follow the peaks they were put on: fewer solves, each of
+            more work where there are many variables.
         expand: write the NLP's functions out, operation by operation, instead of mapping them over instants: many times
             quicker to evaluate where they are short, slow to build where they are long.
         local_hessians: form the Hessian of an NLP's Lagrangian from those of each instant: many times quicker where
@@ -177,7 +179,8 @@ class Problem:
     default_objective: str = ""
     reference_point: Mapping[str, float] = field(default_factory=dict)
     starts: int = 1
-    instants: int | Mapping[str, int] | None = None
+    instants: int | Mapping[str, Sequence[float]] | None = None
+    instants_move: bool = True
     expand: bool = False
     local_hessians: bool = False
     alternatives: Mapping[str, Problem] = field(default_factory=dict)

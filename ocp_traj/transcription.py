@@ -99,17 +99,21 @@ def few_instants(problem: Problem) -> tuple[Instant, ...]:
     degree = degrees(problem)
     wanted = problem.instants
 
-    def count(k: int, limit: PathConstraint) -> int:
+    def places(k: int, limit: PathConstraint) -> Sequence[float]:
         if isinstance(wanted, Mapping):
-            return wanted.get(limit.id, 0)
-        return _count(degree[k], limit, wanted)
+            return wanted.get(limit.id, ())
+        return _even(_count(degree[k], limit, wanted))
 
-    return tuple(_grid(problem, count))
+    return tuple(_grid(problem, places))
 
 
 def uniform_instants(problem: Problem, per_segment: int) -> tuple[Instant, ...]:
     """``per_segment`` instants on every segment for every limit, ends included."""
-    return tuple(_grid(problem, lambda k, limit: per_segment))
+    return tuple(_grid(problem, lambda k, limit: _even(per_segment)))
+
+
+def _even(count: int) -> Sequence[float]:
+    return [float(u) for u in np.linspace(0.0, 1.0, count)] if count > 1 else [0.5]
 
 
 def _count(degree: int, limit: PathConstraint, wanted: int | None) -> int:
@@ -120,13 +124,12 @@ def _count(degree: int, limit: PathConstraint, wanted: int | None) -> int:
     return left + 1 if left < 2 else few
 
 
-def _grid(problem: Problem, count: Callable[[int, PathConstraint], int]) -> Iterable[Instant]:
+def _grid(problem: Problem, places: Callable[[int, PathConstraint], Sequence[float]]) -> Iterable[Instant]:
     segments = len(degrees(problem))
     for limit in problem.requirements.path_constraints:
         shared = problem.requirements.continuous(limit)
         for k in filter(limit.holds_on, range(segments)):
-            number = count(k, limit)
-            for u in np.linspace(0.0, 1.0, number) if number > 1 else [0.5][:number]:
+            for u in places(k, limit):
                 if not (shared and u == 1.0 and k < segments - 1):
                     yield from (
                         Instant(limit.id, k, float(u), sweep=s) for s in (FEW_SWEEPS if limit.sweep else (0.0,))
@@ -319,7 +322,8 @@ def _along(instant: Instant, x: Any) -> Any:
 def _moved(start: float, slope: Array | None, anchor: Array | None, x: Any) -> Any:
     if slope is None or anchor is None:
         return casadi.MX(start)
-    moved = start + casadi.dot(casadi.DM(slope), x - casadi.DM(anchor))
+    few = np.nonzero(slope)[0].tolist()  # an instant moves with the variables of its own segment
+    moved = start + casadi.dot(casadi.DM(slope[few]), x[few] - casadi.DM(anchor[few]))
     return casadi.fmin(casadi.fmax(moved, 0.0), 1.0)
 
 

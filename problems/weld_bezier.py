@@ -84,6 +84,16 @@ def _gauss(points: int) -> tuple[tuple[float, float], ...]:
     return tuple(((1.0 + float(u)) / 2.0, float(w) / 2.0) for u, w in zip(nodes, weights, strict=True))
 
 
+def _places(count: int) -> tuple[float, ...]:
+    """Chebyshev's nodes on [0, 1], between which a polynomial held there cannot swing far."""
+    return tuple(float(u) for u in (1.0 - np.cos(np.pi * (np.arange(count) + 0.5) / count)) / 2.0)
+
+
+def _extremes(count: int) -> tuple[float, ...]:
+    """Chebyshev's extremes on [0, 1], ends included."""
+    return tuple(float(u) for u in (1.0 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2.0)
+
+
 def seam(case: Ogbemhe2019) -> Seam:
     """What is welded."""
     place = Placement(case.origin, radians(case.yaw))
@@ -251,8 +261,9 @@ def _seam_problem(case: Ogbemhe2019) -> Problem:
         default_objective="total",
         reference_point={"air_time": 12.0, "movement": 10.0, "effort": 8.0},
         requirements=Requirements(JOINTS, ("rad",) * 6, tuple(limits), (rest,), continuity=4),
-        instants={"tcp": 8, "tilt": 4, "snap-limit": 4},
+        instants={"tcp": _places(10), "tilt": _places(4), "snap-limit": _extremes(7)},
         guess=guess,
+        instants_move=False,
         local_hessians=True,
         regularisation={"movement": 1e-3, "snap": 1e-5},
         solver_options={"tol": 1e-4, "mu_target": 1e-4},
