@@ -147,8 +147,8 @@ class Problem:
             more work where there are many variables.
         expand: write the NLP's functions out, operation by operation, instead of mapping them over instants: many times
             quicker to evaluate where they are short, slow to build where they are long.
-        local_hessians: form the Hessian of an NLP's Lagrangian from those of each instant: many times quicker where
-            there are many variables and long functions.
+        local_derivatives: form Jacobian and Hessian of an NLP from those of each instant: many times quicker where there
+            are many variables and long functions.
         alternatives: where the problem leaves a discrete choice open, the problem of each choice, by its name; they
             differ in nothing but the case and the curve. The problem itself is then the first of them.
         homotopy: the way a trajectory takes, in a word: what tells local optima apart.
@@ -182,7 +182,7 @@ class Problem:
     instants: int | Mapping[str, Sequence[float]] | None = None
     instants_move: bool = True
     expand: bool = False
-    local_hessians: bool = False
+    local_derivatives: bool = False
     alternatives: Mapping[str, Problem] = field(default_factory=dict)
     homotopy: Callable[[Trajectory], str] | None = None
     settle: Callable[[Array], Array] | None = None

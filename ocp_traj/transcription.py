@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.hessian import Lifted
+from ocp_traj.local_derivatives import Lifted
 from ocp_traj.nlp import NLP, Row
 from ocp_traj.problem import Objective, Problem
 from ocp_traj.requirements import PathConstraint, PointConstraint
@@ -163,7 +163,7 @@ def transcribe(
         for objective in variations(problem, scalarisation.names)
     ]
     given = {s.objective.id: s.objective.scale * casadi.sum1(s.sizes) for s in steps}
-    lifted = Lifted() if problem.local_hessians else None
+    lifted = Lifted() if problem.local_derivatives else None
     call = lifted or mapped
     values = objective_values(curve, dict.fromkeys((*scalarisation.names, *problem.regularisation)), given, call)
     scalar = scalarisation.apply(problem, values)
@@ -194,7 +194,7 @@ def transcribe(
 
     f, together = casadi.MX(scalar.f + sum(traces)), casadi.vertcat(*g) if g else casadi.MX(0, 1)
     own = [x, *extra, *(s.sizes for s in steps)]
-    hessian = lifted.hessian(own, f, together) if lifted else None
+    derivatives = lifted.derivatives(own, f, together) if lifted else None
     if lifted:
         f, together = lifted.resolved([f, together])
     return NLP(
@@ -202,7 +202,7 @@ def transcribe(
         x=casadi.vertcat(*own),
         f=f,
         g=together,
-        hessian=hessian,
+        derivatives=derivatives,
         lower_x=np.concatenate([problem.lower, -unbounded]),
         upper_x=np.concatenate([upper_x, unbounded]),
         lower_g=np.array(lower, dtype=float),

@@ -264,7 +264,7 @@ def _seam_problem(case: Ogbemhe2019) -> Problem:
         instants={"tcp": _places(10), "tilt": _places(4), "snap-limit": _extremes(7)},
         guess=guess,
         instants_move=False,
-        local_hessians=True,
+        local_derivatives=True,
         regularisation={"movement": 1e-3, "snap": 1e-5},
         solver_options={"tol": 1e-4, "mu_target": 1e-4},
     )

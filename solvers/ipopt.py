@@ -133,8 +133,8 @@ class Ipopt:
             "expand": nlp.expand,
             "ipopt": self._settings(bool(multipliers), nlp.options),
         }
-        if nlp.hessian is not None:
-            options["hess_lag"] = nlp.hessian
+        if nlp.derivatives is not None:
+            options |= {"hess_lag": nlp.derivatives.hessian, "jac_g": nlp.derivatives.jacobian}
         program: Any = {"x": nlp.x, "f": nlp.f, "g": nlp.g}
         # CasADi forgets the derivatives of a function with the last solver that uses them, and making them anew is most
         # of the work of a small NLP: the solver stays alive until the next one has been built.
