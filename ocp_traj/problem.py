@@ -147,8 +147,8 @@ class Problem:
             more work where there are many variables.
         expand: write the NLP's functions out, operation by operation, instead of mapping them over instants: many times
             quicker to evaluate where they are short, slow to build where they are long.
-        local_derivatives: form Jacobian and Hessian of an NLP from those of each instant: many times quicker where there
-            are many variables and long functions.
+        local_derivatives: form Jacobian and Hessian of an NLP from those of each instant: many times quicker where
+            there are many variables and long functions.
         alternatives: where the problem leaves a discrete choice open, the problem of each choice, by its name; they
             differ in nothing but the case and the curve. The problem itself is then the first of them.
         homotopy: the way a trajectory takes, in a word: what tells local optima apart.
@@ -157,8 +157,9 @@ class Problem:
         decomposition: solve by parts, as a paper does, in place of the whole.
         scales_in_time: the variables are the durations of the segments, all of them and nothing else, and the path
             depends on their ratios alone: s x is the same path, s times slower.
-        regularisation: {objective: weight}, traces of objectives that every NLP adds to what it minimises, each over its
-            scale, where many trajectories are as good as one another.
+        regularisation: {objective: weight}, traces of objectives that every NLP adds to what it minimises, each over
+            its scale, where many trajectories are as good as one another.
+        figures: (name, value, unit) of a trajectory, which no objective says and a reader wants to know.
         solver_options: of the NLP solver, by IPOPT's names, where the usual ones serve this problem badly.
         notes: what this case fills in where the paper says nothing; shown with the problem and with every result.
     """
@@ -190,6 +191,7 @@ class Problem:
     decomposition: Decomposition | None = None
     scales_in_time: bool = False
     regularisation: Mapping[str, float] = field(default_factory=dict)
+    figures: Callable[[Trajectory], Sequence[tuple[str, float, str]]] | None = None
     solver_options: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     _functions: dict[str, Any] = field(default_factory=dict, repr=False, init=False)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import isfinite, pi
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, Self
@@ -122,7 +123,7 @@ class TubeSeam:
         if not (isfinite(low) and isfinite(high) and low != high and abs(high - low) <= 2.0 * pi + 1e-12):
             raise InputError(f"phi runs from {low} to {high} rad; give two different angles at most one turn apart")
         edges = np.linspace(low, high, PARTS + 1)
-        steps = [fixed_quad(self._speed, a, b, n=NODES)[0] for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        steps = [fixed_quad(self._speed, a, b, n=NODES)[0] for a, b in pairwise(edges)]
         object.__setattr__(self, "_edges", edges)
         object.__setattr__(self, "_lengths", np.concatenate([[0.0], np.cumsum(np.abs(steps))]))
 
@@ -142,7 +143,7 @@ class TubeSeam:
         return c, np.asarray(-(self.brace_radius**2) * np.sin(phi) * np.cos(phi) / c)
 
     def _derivative(self, phi: Array) -> Array:
-        """d position / d phi ``(N, 3)``, of a brace that is not mirrored."""
+        """D position / d phi ``(N, 3)``, of a brace that is not mirrored."""
         _, slope = self._height(phi)
         r, psi = self.brace_radius, self.psi
         along = (slope * np.cos(psi) - r * np.sin(phi)) / np.sin(psi)
@@ -155,7 +156,9 @@ class TubeSeam:
         """Phi ``(N,)`` [rad] at lengths of arc ``(N,)`` [m], by Newton's method on the integral of the speed."""
         lengths = np.atleast_1d(np.asarray(s, dtype=float))
         if not ((lengths >= -1e-12) & (lengths <= self.length + 1e-12)).all():
-            raise InputError(f"a seam of {self.length:.6g} m has no place at {lengths.min():.6g} .. {lengths.max():.6g} m")
+            raise InputError(
+                f"a seam of {self.length:.6g} m has no place at {lengths.min():.6g} .. {lengths.max():.6g} m"
+            )
         part = np.clip(np.searchsorted(self._lengths, lengths, side="right") - 1, 0, PARTS - 1)
         base, sign = self._edges[part], np.sign(self.phi[1] - self.phi[0])
         left = np.clip(lengths - self._lengths[part], 0.0, None)
@@ -227,9 +230,9 @@ class PolylineSeam:
         chord = np.concatenate([[0.0], np.cumsum(steps)])
         self._position = make_interp_spline(chord, place.move(given), k=5)
         self._axis = make_interp_spline(chord, place.rotate(_unit(directions)), k=5)
-        self._edges = np.unique(np.concatenate([np.linspace(a, b, 9) for a, b in zip(chord[:-1], chord[1:], strict=True)]))
-        pairs = zip(self._edges[:-1], self._edges[1:], strict=True)
-        self._lengths = np.concatenate([[0.0], np.cumsum([fixed_quad(self._speed, a, b, n=NODES)[0] for a, b in pairs])])
+        self._edges = np.unique(np.concatenate([np.linspace(a, b, 9) for a, b in pairwise(chord)]))
+        arcs = [fixed_quad(self._speed, a, b, n=NODES)[0] for a, b in pairwise(self._edges)]
+        self._lengths = np.concatenate([[0.0], np.cumsum(arcs)])
 
     @classmethod
     def read(cls, file: str | Path, place: Placement | None = None) -> Self:
@@ -261,7 +264,9 @@ class PolylineSeam:
         """The seam at lengths of arc ``(N,)`` [m]."""
         lengths = np.atleast_1d(np.asarray(s, dtype=float))
         if not ((lengths >= -1e-12) & (lengths <= self.length + 1e-12)).all():
-            raise InputError(f"a seam of {self.length:.6g} m has no place at {lengths.min():.6g} .. {lengths.max():.6g} m")
+            raise InputError(
+                f"a seam of {self.length:.6g} m has no place at {lengths.min():.6g} .. {lengths.max():.6g} m"
+            )
         part = np.clip(np.searchsorted(self._lengths, lengths, side="right") - 1, 0, len(self._edges) - 2)
         base, left = self._edges[part], np.clip(lengths - self._lengths[part], 0.0, None)
         nodes, weights = np.polynomial.legendre.leggauss(NODES)
@@ -315,7 +320,7 @@ def pieces(seam: Seam, tags: int, degree: int = DEGREE) -> Pieces:
     inverse = np.linalg.inv(chebyshev.chebvander(nodes, degree))
     check = np.linspace(-1.0, 1.0, CHECKS)
     position, axis, errors = [], [], []
-    for a, b in zip(cuts[:-1], cuts[1:], strict=True):
+    for a, b in pairwise(cuts):
         sample = seam.at(a + (b - a) * (1.0 + nodes) / 2.0)
         powers = [
             np.stack([_power(column, degree) for column in (inverse @ values).T], axis=-1)

@@ -79,7 +79,7 @@ def fit_path(robot: Robot, pieces: Pieces, start: Sequence[float] | Array, itera
     place = np.concatenate([t[0] for t in targets])
     axis = np.concatenate([t[1] for t in targets])
     axis = axis / np.linalg.norm(axis, axis=1, keepdims=True)
-    side = np.stack([_perpendicular(a) for a in axis])  # (N, 2, 3)
+    side = np.stack([perpendicular(a) for a in axis])  # (N, 2, 3)
     function = pose_function(robot)
     total = (count - 1) * SAMPLES
     pose = function.map(total)
@@ -151,7 +151,7 @@ def _levenberg_marquardt(
     return x
 
 
-def _perpendicular(axis: Array) -> Array:
+def perpendicular(axis: Array) -> Array:
     """Two unit vectors across a unit vector, and each other ``(2, 3)``."""
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)

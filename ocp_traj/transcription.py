@@ -288,7 +288,11 @@ def _path_rows(
 
 
 def limit_values(
-    curve: SymbolicCurve, limit: PathConstraint, members: Sequence[Instant], u: Any = None, s: Any = None,
+    curve: SymbolicCurve,
+    limit: PathConstraint,
+    members: Sequence[Instant],
+    u: Any = None,
+    s: Any = None,
     call: Caller = mapped,
 ) -> Any:
     """MX expression of a path limit at instants: ``(rows, instants)``.

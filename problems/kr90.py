@@ -56,6 +56,8 @@ EFFORT = (7290.0, 8910.0, 7539.0, 2431.0, 1461.0, 893.0)  # [N m], KR150 R3100-2
 COULOMB = 0.03  # of the effort: our assumption, as the next two
 VISCOUS = 0.05  # of the effort, at the largest velocity
 CREEP = 0.02  # of the largest velocity: where the Coulomb friction has risen to 76 %
+SHOULDER = (0.350, 0.675)  # [m], of A2 from A1's axis and from the ground
+WRIST = 0.215  # [m] of A6 from the wrist's centre to the flange
 REACH = 1.350 + hypot(0.041, 1.400)  # [m] from A2 to the wrist's centre, arm straight
 
 
@@ -101,6 +103,13 @@ def robot(payload: float = 0.0, *, riser: float = 0.0, gravity: float = 9.81) ->
 
 def _place(angles: tuple[float, ...], position: tuple[float, ...]) -> pin.SE3:
     return pin.SE3(rpyToMatrix(*angles), np.array(position))
+
+
+def wrist_from_tip() -> Array:
+    """The wrist's centre in the frame of the torch's tip ``(3,)`` [m]."""
+    place, tilt = TIP
+    turn = rpyToMatrix(0.0, np.radians(tilt), 0.0)
+    return np.asarray(turn.T @ (np.array([0.0, 0.0, -WRIST]) - np.array(place)))
 
 
 def friction() -> Friction:

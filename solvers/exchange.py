@@ -196,7 +196,8 @@ def _finished(
 ) -> Solution:
     """A solution with its trajectory, objectives and audit."""
     candidate, objectives = trajectory(problem, x), evaluate_objectives(problem, x)
-    if variations(problem, scalarisation.names):  # of which the NLP's sum of steps may still fall short
+    # The NLP's sum of steps may fall short of a total variation, and traces are not what is asked for.
+    if variations(problem, scalarisation.names) or problem.regularisation:
         exact = scalarisation.apply(problem, objectives)
         solution = replace(solution, f=float(exact.f)) if exact.extra is None else solution
     return replace(

@@ -287,9 +287,7 @@ class Direct:
             total += float(np.abs(np.diff(fitted(np.array([0.0, *inner, 1.0])))).sum())
         return total
 
-    def limit(
-        self, limit: PathConstraint | PointConstraint, k: int, u: float, sweep: float | None = None
-    ) -> Array:
+    def limit(self, limit: PathConstraint | PointConstraint, k: int, u: float, sweep: float | None = None) -> Array:
         """A limit at local time u of segment k: ``(rows,)``."""
         table = getattr(limit, "constants", None)
         return self.value(limit.expression, k, u, np.zeros(0) if table is None else table[k], sweep)
