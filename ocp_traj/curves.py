@@ -5,6 +5,8 @@ Every builder takes numbers or casadi SX alike, so that the curve a solver sees 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from math import comb, perm
 from typing import Any
 
 import casadi
@@ -149,3 +151,48 @@ def quartic_quintic(start: ArrayLike, via: Any, via_velocity: Any, goal: Any, du
     quartic = stack(q0, q0, q0, q1 - v1 * (first / 4.0), q1)
     quintic = stack(q1, leave, 2.0 * leave - q1 + a1 * (second**2 / 20.0), q2, q2, q2)
     return PiecewiseBezier(times, (quartic, quintic))
+
+
+NONIC = 5  # states (q, v, a, jerk, snap) that two ends of a nonic share: 10 control points
+
+
+def nonic(states: Sequence[Any], durations: Any) -> PiecewiseBezier:
+    """Bezier segments of degree 9 through tags whose derivatives up to snap are given: C4 throughout.
+
+    With V = v T / 9, A = a T^2 / 72, J = j T^3 / 504, S = s T^4 / 3024 at either end of a segment, its control points
+    are q0, q0 + V, q0 + 2V + A, q0 + 3V + 3A + J, q0 + 4V + 6A + 4J + S, and likewise back from the other end with the
+    signs of V and J turned. Ogbemhe et al. (2019), (5)-(18), where (16) and (18) are misprinted.
+
+    Args:
+        states: (q, v, a, jerk, snap) at each of K + 1 tags, ``(5, dof)`` each, numbers or casadi SX.
+        durations: T ``(K,)`` [s].
+
+    Returns:
+        K segments of degree 9; numeric where every argument is.
+    """
+    symbolic = any(isinstance(argument, casadi.SX) for argument in (*states, durations))
+    times = casadi.SX(durations) if symbolic else np.asarray(durations, dtype=float)
+    if times.shape[0] != len(states) - 1 or any(state.shape[0] != NONIC for state in states):
+        raise ProblemDefinitionError(
+            f"nonic segments between {len(states)} tags need {len(states) - 1} durations and 5 derivatives a tag; got "
+            f"{times.shape[0]} and {sorted({state.shape[0] for state in states})}"
+        )
+    # Row i of (1, i, i (i - 1) / 2, ..): binomials turn scaled derivatives into control points from an end.
+    pascal = np.array([[comb(i, k) for k in range(NONIC)] for i in range(NONIC)], dtype=float)
+    turned = np.array([1.0, -1.0, 1.0, -1.0, 1.0])
+    falling = np.array([perm(9, k) for k in range(NONIC)], dtype=float)
+    segments = []
+    for k in range(len(states) - 1):
+        scale = [times[k] ** order / falling[order] for order in range(NONIC)]
+        ends = []
+        for state, sign in ((states[k], np.ones(NONIC)), (states[k + 1], turned)):
+            rows = [state[order, :] * (scale[order] * sign[order]) for order in range(NONIC)]
+            if symbolic:
+                ends.append(casadi.mtimes(casadi.SX(casadi.sparsify(casadi.DM(pascal))), casadi.vertcat(*rows)))
+            else:
+                ends.append(pascal @ np.stack(rows))
+        first, last = ends
+        segments.append(
+            casadi.vertcat(first, last[::-1, :]) if symbolic else np.concatenate([first, last[::-1]])
+        )  # fmt: skip
+    return PiecewiseBezier(times, tuple(segments))

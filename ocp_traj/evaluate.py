@@ -61,10 +61,17 @@ def farthest(limit: PathConstraint, values: Array) -> Array:
 def limit_along(
     trajectory: Trajectory, requirements: Requirements, limit: PathConstraint, per_segment: int = 50
 ) -> tuple[Array, Array]:
-    """Times ``(N,)`` [s] and values ``(rows, N)`` of a limit over a trajectory; inner knots appear once a side."""
+    """Times ``(N,)`` [s] and values ``(rows, N)`` of a limit over a trajectory; inner knots appear once a side.
+
+    Where the limit need not hold its values are not numbers.
+    """
     u = np.linspace(0.0, 1.0, per_segment)
     curve = trajectory.curve
     times = np.concatenate([curve.knots[k] + u * curve.durations[k] for k in range(curve.segments)])
-    return times, np.concatenate(
-        [limit_on(trajectory, requirements, limit, k, u) for k in range(curve.segments)], axis=1
-    )
+    values = [
+        limit_on(trajectory, requirements, limit, k, u)
+        if limit.holds_on(k)
+        else np.full((len(limit.labels), per_segment), np.nan)
+        for k in range(curve.segments)
+    ]
+    return times, np.concatenate(values, axis=1)

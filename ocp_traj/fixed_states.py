@@ -46,6 +46,8 @@ def fixed_values(problem: Problem) -> list[FixedValue]:
     for segment, u in ((0, 0.0), (curve.segments - 1, 1.0)):
         state = [casadi.densify(curve.at(segment, u, order).T) for order in range(len(ORDERS))]
         for limit in problem.requirements.path_constraints:
+            if not limit.holds_on(segment):
+                continue
             constants = [] if limit.constants is None else limit.constants[segment]
             for place in [casadi.vertcat(u, s) for s in SWEEP] if limit.sweep else [u]:
                 values = problem.requirements.function(limit)(casadi.vertcat(*state), place, p, casadi.DM(constants))

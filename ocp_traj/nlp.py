@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ocp_traj.errors import NoSolutionFound, ProblemDefinitionError
+from ocp_traj.local_derivatives import Derivatives
 
 if TYPE_CHECKING:
     from ocp_traj.optima import Optimum
@@ -61,6 +62,8 @@ class NLP:
         units: one an entry of x.
         complete: the problem's own variables -> the extra variables that go with them, after those.
         expand: the functions are short: write them out (casadi's ``expand``).
+        derivatives: Jacobian and Hessian, where there are quicker ones than the solver would make.
+        options: for the solver, by IPOPT's names, in place of its usual ones.
         memory: outlives the NLP: a solver leaves its compiled derivatives here for the next NLP of the same problem.
     """
 
@@ -77,6 +80,8 @@ class NLP:
     units: tuple[str, ...]
     complete: Callable[[Array], Array] = lambda x: np.zeros(0)
     expand: bool = False
+    derivatives: Derivatives | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
     memory: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

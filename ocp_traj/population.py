@@ -92,8 +92,17 @@ class Population:
         # Where a limit is continuous at an inner knot, one side of it is enough.
         grids = {True: _Nodes([(k, u) for k, u in grid if u < 1.0 or k == last], degrees), False: _Nodes(grid, degrees)}
         requirements = problem.requirements
+        partial = {
+            limit.segments: _Nodes([(k, u) for k, u in grid if limit.holds_on(k)], degrees)
+            for limit in requirements.path_constraints
+            if limit.segments is not None
+        }
         self._limits = [
-            (limit, grids[requirements.continuous(limit)], Tape(requirements.function(limit)))
+            (
+                limit,
+                grids[requirements.continuous(limit)] if limit.segments is None else partial[limit.segments],
+                Tape(requirements.function(limit)),
+            )
             for limit in requirements.path_constraints
         ]
         self._integrals: dict[str, tuple[_Nodes, Array, Tape]] = {}

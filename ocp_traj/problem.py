@@ -141,10 +141,15 @@ class Problem:
         reference_point: per objective, the worst value worth having: it bounds a front and its hypervolume.
         starts: random starts of a local solver when not told how many.
         instants: a segment, of a first grid of constraint exchange that stays; if not given, degree/2 + 1, at least 3,
-            of which those far from their limits are dropped.
+            of which those far from their limits are dropped; or the local times of each limit, with none of those not
+            named, which are looked at between solves only.
+        instants_move: whether instants of constraint exchange follow the peaks they were put on: fewer solves, each of
+            more work where there are many variables.
         rounds: of constraint exchange, at most.
         expand: write the NLP's functions out, operation by operation, instead of mapping them over instants: many times
             quicker to evaluate where they are short, slow to build where they are long.
+        local_derivatives: form Jacobian and Hessian of an NLP from those of each instant: many times quicker where
+            there are many variables and long functions.
         alternatives: where the problem leaves a discrete choice open, the problem of each choice, by its name; they
             differ in nothing but the case and the curve. The problem itself is then the first of them.
         homotopy: the way a trajectory takes, in a word: what tells local optima apart.
@@ -153,6 +158,10 @@ class Problem:
         decomposition: solve by parts, as a paper does, in place of the whole.
         scales_in_time: the variables are the durations of the segments, all of them and nothing else, and the path
             depends on their ratios alone: s x is the same path, s times slower.
+        regularisation: {objective: weight}, traces of objectives that every NLP adds to what it minimises, each over
+            its scale, where many trajectories are as good as one another.
+        figures: (name, value, unit) of a trajectory, which no objective says and a reader wants to know.
+        solver_options: of the NLP solver, by IPOPT's names, where the usual ones serve this problem badly.
         notes: what this case fills in where the paper says nothing; shown with the problem and with every result.
     """
 
@@ -172,15 +181,20 @@ class Problem:
     default_objective: str = ""
     reference_point: Mapping[str, float] = field(default_factory=dict)
     starts: int = 1
-    instants: int | None = None
+    instants: int | Mapping[str, Sequence[float]] | None = None
+    instants_move: bool = True
     rounds: int = 10
     expand: bool = False
+    local_derivatives: bool = False
     alternatives: Mapping[str, Problem] = field(default_factory=dict)
     homotopy: Callable[[Trajectory], str] | None = None
     settle: Callable[[Array], Array] | None = None
     explain: Callable[[Conflict], str] | None = None
     decomposition: Decomposition | None = None
     scales_in_time: bool = False
+    regularisation: Mapping[str, float] = field(default_factory=dict)
+    figures: Callable[[Trajectory], Sequence[tuple[str, float, str]]] | None = None
+    solver_options: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     _functions: dict[str, Any] = field(default_factory=dict, repr=False, init=False)
 

@@ -159,8 +159,10 @@ class Prover:
                 (i, k, t.curve.control_points[k], t.curve.durations[k])
                 for i, t in enumerate(self.trajectories)
                 for k, n in enumerate(t.curve.degrees)
-                if n == degree
+                if n == degree and self.limit.holds_on(k)
             ]
+            if not members:
+                continue
             owner, segment, points, duration = map(np.array, zip(*members, strict=True))
             parts.append(Arcs.of_segments(owner, segment, points, duration, orders))
         arcs = Arcs.join(parts)

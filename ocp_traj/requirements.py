@@ -93,6 +93,7 @@ class PathConstraint:
         order: set where g is the ``order``-th derivative itself, so that hulls and extrema are exact.
         constants: per segment ``(K, n_c)``, reaching the expression as ``state.c``.
         sweep: whether it depends on ``state.s`` and has to hold for all s in [0, 1] as well.
+        segments: of the curve, on which it has to hold; None for all.
     """
 
     id: str
@@ -105,9 +106,14 @@ class PathConstraint:
     order: int | None = None
     constants: Array | None = None
     sweep: bool = False
+    segments: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
         """Checks shapes and bounds."""
+        if self.segments is not None and (not self.segments or min(self.segments) < 0):
+            raise ProblemDefinitionError(
+                f"limit {self.id!r} is for the segments {self.segments}; give one or more, counted from 0"
+            )
         if self.sweep and self.order is not None:
             raise ProblemDefinitionError(f"limit {self.id!r}: a derivative of the joints has no sweep; leave order out")
         rows = len(self.labels)
@@ -152,6 +158,10 @@ class PathConstraint:
             eq,
             order=order,
         )
+
+    def holds_on(self, segment: int) -> bool:
+        """Whether it has to hold on a segment of the curve."""
+        return self.segments is None or segment in self.segments
 
     @property
     def scale(self) -> Array:
@@ -281,4 +291,5 @@ class Requirements:
     def continuous(self, limit: PathConstraint) -> bool:
         """Whether the limit has the same value on both sides of an inner knot."""
         uses_local_time = 0 in self.function(limit).jac_sparsity(0, 1).get_triplet()[1]
-        return self.order(limit) <= self.continuity and limit.constants is None and not uses_local_time
+        everywhere = limit.constants is None and limit.segments is None
+        return self.order(limit) <= self.continuity and everywhere and not uses_local_time

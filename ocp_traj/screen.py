@@ -203,6 +203,8 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
     units = {o.id: o.unit for o in problem.objectives}
     solved = solution.audit is not None
     variables = {name: block.tolist() for name, block in problem.unpack(solution.x).items()} if solved else {}
+    known = problem.figures is not None and solution.trajectory is not None
+    figures = problem.figures(solution.trajectory) if known else ()
     data = {
         "problem": problem.id,
         "status": solution.status.value,
@@ -230,6 +232,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         "audit": audit_values(solution.audit) if solution.audit is not None else {"verdict": None, "rows": []},
         "detail": solution.detail,
         "notes": list(problem.notes),
+        "figures": [{"name": n, "value": v, "unit": u} for n, v, u in figures],
     }
     if solution.alternatives:
         data["alternatives"] = [
@@ -254,6 +257,8 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
     elif solution.conflicts:
         rows_ = [[c.row.limit, c.row.label, c.value, c.bound, c.excess, c.row.unit] for c in solution.conflicts]
         tables.append((title, ["limit", "joint", "value", "allowed", "excess", "unit"], rows_))
+    if figures:
+        tables.append(("Figures", ["figure", "value", "unit"], [[n, f"{v:.5g}", u] for n, v, u in figures]))
     names = [f"{o.id} [{o.unit}]" for o in problem.objectives]
     if solution.alternatives:
         lines = [

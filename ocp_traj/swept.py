@@ -90,6 +90,8 @@ class SweptProver:
     def _start(self, trajectory: Trajectory) -> _Rectangles:
         parts = []
         for k, points in enumerate(trajectory.curve.control_points):
+            if not self.limit.holds_on(k):
+                continue
             owner, segment = np.zeros(1, dtype=np.intp), np.full(1, k, dtype=np.intp)
             duration = np.array([trajectory.curve.durations[k]])
             parts.append(Arcs.of_segments(owner, segment, points[None], duration, self.order + 2))

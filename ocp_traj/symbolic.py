@@ -6,7 +6,7 @@ states, mapped over instants: an NLP with other instants reuses all of them, and
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,14 @@ from ocp_traj.problem import Objective, Problem
 from ocp_traj.requirements import ORDERS, derivative_order, state_function
 
 Array = NDArray[np.float64]
+
+
+Caller = Callable[..., Any]  # (function, arguments a column an instant) -> its values, a column an instant
+
+
+def mapped(function: Any, *arguments: Any) -> Any:
+    """A function at many instants."""
+    return function.map(arguments[0].shape[1])(*arguments)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +115,19 @@ def integrand_function(problem: Problem, objective: Objective) -> Any:
     )
 
 
+def _share_function(problem: Problem, objective: Objective) -> Any:
+    """Casadi SX Function (derivatives, u, p, weight) -> weight x integrand."""
+
+    def build() -> Any:
+        function = integrand_function(problem, objective)
+        state = [casadi.SX.sym("z", function.numel_in(i)) for i in range(3)]
+        weight = casadi.SX.sym("w")
+        value = weight * function(*state, casadi.SX(0, 1))
+        return casadi.Function("share", [*state, weight], [value])
+
+    return problem.cached(f"share {objective.id}", build)
+
+
 def quadrature(problem: Problem, objective: Objective) -> tuple[list[tuple[int, float]], Array]:
     """Nodes (segment, u) of an objective's quadrature, and weights.
 
@@ -139,7 +160,7 @@ def variations(problem: Problem, names: Iterable[str]) -> tuple[Objective, ...]:
 
 
 def objective_values(
-    curve: SymbolicCurve, names: Iterable[str], given: Mapping[str, Any] | None = None
+    curve: SymbolicCurve, names: Iterable[str], given: Mapping[str, Any] | None = None, call: Caller = mapped
 ) -> dict[str, Any]:
     """MX expressions of the named objectives (and of the terms they sum); of total variations those ``given``."""
     problem = curve.problem
@@ -154,14 +175,14 @@ def objective_values(
         else:
             nodes, weights = quadrature(problem, objective)
             states = states_at(curve, [k for k, _ in nodes], casadi.DM([u for _, u in nodes]))
-            integrand = integrand_function(problem, objective)
-            columns = integrand.map(len(nodes))(
+            shares = call(
+                _share_function(problem, objective),
                 states,
-                casadi.DM([u for _, u in nodes]).T,
+                casadi.MX(casadi.DM([u for _, u in nodes]).T),
                 casadi.repmat(curve.parameters, 1, len(nodes)),
-                casadi.MX(0, len(nodes)),
+                casadi.mtimes(casadi.DM(weights), curve.durations).T,
             )
-            values[name] = casadi.mtimes(columns, casadi.mtimes(casadi.DM(weights), curve.durations))
+            values[name] = casadi.sum2(shares)
     return values
 
 

@@ -6,7 +6,7 @@ over the columns of states, so that the NLP's size, not its build time, grows wi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,11 +15,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.local_derivatives import Lifted
 from ocp_traj.nlp import NLP, Row
 from ocp_traj.problem import Objective, Problem
 from ocp_traj.requirements import PathConstraint, PointConstraint
 from ocp_traj.scalarise import Scalarisation, check_names
-from ocp_traj.symbolic import SymbolicCurve, curve_function, degrees, objective_values, states_at, variations
+from ocp_traj.symbolic import (
+    Caller,
+    SymbolicCurve,
+    curve_function,
+    degrees,
+    mapped,
+    objective_values,
+    states_at,
+    variations,
+)
 from ocp_traj.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -87,12 +97,23 @@ def few_instants(problem: Problem) -> tuple[Instant, ...]:
     A limit on a derivative that is constant, or linear, on its segments gets the 1 or 2 instants that are exact.
     """
     degree = degrees(problem)
-    return tuple(_grid(problem, lambda k, limit: _count(degree[k], limit, problem.instants)))
+    wanted = problem.instants
+
+    def places(k: int, limit: PathConstraint) -> Sequence[float]:
+        if isinstance(wanted, Mapping):
+            return wanted.get(limit.id, ())
+        return _even(_count(degree[k], limit, wanted))
+
+    return tuple(_grid(problem, places))
 
 
 def uniform_instants(problem: Problem, per_segment: int) -> tuple[Instant, ...]:
     """``per_segment`` instants on every segment for every limit, ends included."""
-    return tuple(_grid(problem, lambda k, limit: per_segment))
+    return tuple(_grid(problem, lambda k, limit: _even(per_segment)))
+
+
+def _even(count: int) -> Sequence[float]:
+    return [float(u) for u in np.linspace(0.0, 1.0, count)] if count > 1 else [0.5]
 
 
 def _count(degree: int, limit: PathConstraint, wanted: int | None) -> int:
@@ -103,13 +124,12 @@ def _count(degree: int, limit: PathConstraint, wanted: int | None) -> int:
     return left + 1 if left < 2 else few
 
 
-def _grid(problem: Problem, count: Callable[[int, PathConstraint], int]) -> Iterable[Instant]:
+def _grid(problem: Problem, places: Callable[[int, PathConstraint], Sequence[float]]) -> Iterable[Instant]:
     segments = len(degrees(problem))
     for limit in problem.requirements.path_constraints:
         shared = problem.requirements.continuous(limit)
-        for k in range(segments):
-            number = count(k, limit)
-            for u in np.linspace(0.0, 1.0, number) if number > 1 else [0.5]:
+        for k in filter(limit.holds_on, range(segments)):
+            for u in places(k, limit):
                 if not (shared and u == 1.0 and k < segments - 1):
                     yield from (
                         Instant(limit.id, k, float(u), sweep=s) for s in (FEW_SWEEPS if limit.sweep else (0.0,))
@@ -143,11 +163,15 @@ def transcribe(
         for objective in variations(problem, scalarisation.names)
     ]
     given = {s.objective.id: s.objective.scale * casadi.sum1(s.sizes) for s in steps}
-    scalar = scalarisation.apply(problem, objective_values(curve, scalarisation.names, given))
+    lifted = Lifted() if problem.local_derivatives else None
+    call = lifted or mapped
+    values = objective_values(curve, dict.fromkeys((*scalarisation.names, *problem.regularisation)), given, call)
+    scalar = scalarisation.apply(problem, values)
+    traces = [w * values[name] / problem.objective(name).scale for name, w in problem.regularisation.items()]
     for limit in problem.requirements.path_constraints:
         members = [instant for instant in instants if instant.limit == limit.id]
         if members:
-            _path_rows(curve, limit, members, back_off, g, lower, upper, rows)
+            _path_rows(curve, limit, members, back_off, g, lower, upper, rows, call)
     for point in problem.requirements.point_constraints:
         if not point.structural:
             _point_rows(curve, point, g, lower, upper, rows)
@@ -168,11 +192,17 @@ def transcribe(
         sizes = [np.abs(np.array(function(numbers)).ravel()) for function in functions]
         return np.concatenate([np.zeros(len(extra)), *sizes])
 
+    f, together = casadi.MX(scalar.f + sum(traces)), casadi.vertcat(*g) if g else casadi.MX(0, 1)
+    own = [x, *extra, *(s.sizes for s in steps)]
+    derivatives = lifted.derivatives(own, f, together) if lifted else None
+    if lifted:
+        f, together = lifted.resolved([f, together])
     return NLP(
         name=problem.id,
-        x=casadi.vertcat(x, *extra, *(s.sizes for s in steps)),
-        f=scalar.f,
-        g=casadi.vertcat(*g) if g else casadi.MX(0, 1),
+        x=casadi.vertcat(*own),
+        f=f,
+        g=together,
+        derivatives=derivatives,
         lower_x=np.concatenate([problem.lower, -unbounded]),
         upper_x=np.concatenate([upper_x, unbounded]),
         lower_g=np.array(lower, dtype=float),
@@ -182,6 +212,7 @@ def transcribe(
         units=(*problem.units, *("-" for _ in labels)),
         complete=complete,
         expand=problem.expand,
+        options=problem.solver_options,
         memory=problem.cached("solver memory", dict),
     )
 
@@ -237,10 +268,10 @@ def _step_rows(
 
 def _path_rows(
     curve: SymbolicCurve, limit: PathConstraint, members: list[Instant], back_off: float,
-    g: list[Any], lower: list[float], upper: list[float], rows: list[Row],
+    g: list[Any], lower: list[float], upper: list[float], rows: list[Row], call: Caller,
 ) -> None:  # fmt: skip
     """Appends the rows of one path limit at its instants, scaled to order one."""
-    values = limit_values(curve, limit, members)
+    values = limit_values(curve, limit, members, call=call)
     scaled = values / casadi.DM(limit.scale)
     low, high = limit.lower / limit.scale + back_off, limit.upper / limit.scale - back_off
     entries = [(i, j) for j, m in enumerate(members) for i in (range(len(limit.labels)) if m.rows is None else m.rows)]
@@ -257,7 +288,12 @@ def _path_rows(
 
 
 def limit_values(
-    curve: SymbolicCurve, limit: PathConstraint, members: Sequence[Instant], u: Any = None, s: Any = None
+    curve: SymbolicCurve,
+    limit: PathConstraint,
+    members: Sequence[Instant],
+    u: Any = None,
+    s: Any = None,
+    call: Caller = mapped,
 ) -> Any:
     """MX expression of a path limit at instants: ``(rows, instants)``.
 
@@ -276,7 +312,7 @@ def limit_values(
     if limit.sweep:
         along = casadi.vertcat(*(_along(m, curve.x) for m in members)) if s is None else s
         place = casadi.vertcat(place, along.T)
-    return function.map(n)(states, place, casadi.repmat(curve.parameters, 1, n), casadi.MX(casadi.DM(constants.T)))
+    return call(function, states, place, casadi.repmat(curve.parameters, 1, n), casadi.MX(casadi.DM(constants.T)))
 
 
 def _local_time(instant: Instant, x: Any) -> Any:
@@ -290,7 +326,8 @@ def _along(instant: Instant, x: Any) -> Any:
 def _moved(start: float, slope: Array | None, anchor: Array | None, x: Any) -> Any:
     if slope is None or anchor is None:
         return casadi.MX(start)
-    moved = start + casadi.dot(casadi.DM(slope), x - casadi.DM(anchor))
+    few = np.nonzero(slope)[0].tolist()  # an instant moves with the variables of its own segment
+    moved = start + casadi.dot(casadi.DM(slope[few]), x[few] - casadi.DM(anchor[few]))
     return casadi.fmin(casadi.fmax(moved, 0.0), 1.0)
 
 

@@ -15,6 +15,7 @@ REGISTRY = {
     "hybrid-spline": ("hybrid_spline", "Guo2016"),
     "rotor-353": ("rotor_353", "ZhuWang"),
     "wrist-obstacle": ("wrist_obstacle", "ElHaiek2019"),
+    "weld-bezier": ("weld_bezier", "Ogbemhe2019"),
 }
 
 

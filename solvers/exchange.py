@@ -201,7 +201,8 @@ def _finished(
 ) -> Solution:
     """A solution with its trajectory, objectives and audit."""
     candidate, objectives = trajectory(problem, x), evaluate_objectives(problem, x)
-    if variations(problem, scalarisation.names):  # of which the NLP's sum of steps may still fall short
+    # The NLP's sum of steps may fall short of a total variation, and traces are not what is asked for.
+    if variations(problem, scalarisation.names) or problem.regularisation:
         exact = scalarisation.apply(problem, objectives)
         solution = replace(solution, f=float(exact.f)) if exact.extra is None else solution
     return replace(
@@ -236,7 +237,7 @@ def _peaks(problem: Problem, limit: PathConstraint, candidate: Trajectory, back_
     low, high = _scaled_bounds(limit, back_off)
     u = np.linspace(0.0, 1.0, SCAN)
     members: list[Instant] = []
-    for k in range(candidate.curve.segments):
+    for k in filter(limit.holds_on, range(candidate.curve.segments)):
         if limit.sweep:
             members += swept_peaks(problem, limit, k, candidate, back_off)
             continue
@@ -278,6 +279,8 @@ def _sharpened(
         if excess[i] < at_first[i]:
             # Newton's method led downhill: the peak is a corner at the end of a segment, where it stays.
             kept.append(members[i])
+        elif not problem.instants_move:
+            kept.append(replace(members[i], u=float(u[i])))
         else:  # g_u = 0 ties u to x
             kept.append(moving(replace(members[i], u=float(u[i])), guu[i, 0], gux[i], x))
     return kept

@@ -99,7 +99,7 @@ class Ipopt:
             return replace(solution, conflicts=self.conflicts(nlp, solution.x), seconds=time.perf_counter() - begun)
         return solution
 
-    def _settings(self, warm: bool) -> dict[str, Any]:
+    def _settings(self, warm: bool, wanted: Mapping[str, Any]) -> dict[str, Any]:
         settings: dict[str, Any] = {
             "print_level": 0,
             "sb": "yes",
@@ -119,9 +119,9 @@ class Ipopt:
                 "warm_start_slack_bound_push": 1e-9,
                 "warm_start_slack_bound_frac": 1e-9,
                 "warm_start_mult_bound_push": 1e-9,
-                "mu_init": 1e-8,
+                "mu_init": max(1e-8, float(wanted.get("mu_target", 0.0))),
             }
-        return settings | dict(self.options)
+        return settings | dict(wanted) | dict(self.options)
 
     def _run(self, nlp: NLP, x0: Array, warm: Solution | None, begun: float) -> Solution:
         multipliers: dict[str, Array] = {}
@@ -131,8 +131,10 @@ class Ipopt:
             "print_time": False,
             "error_on_fail": False,
             "expand": nlp.expand,
-            "ipopt": self._settings(bool(multipliers)),
+            "ipopt": self._settings(bool(multipliers), nlp.options),
         }
+        if nlp.derivatives is not None:
+            options |= {"hess_lag": nlp.derivatives.hessian, "jac_g": nlp.derivatives.jacobian}
         program: Any = {"x": nlp.x, "f": nlp.f, "g": nlp.g}
         # CasADi forgets the derivatives of a function with the last solver that uses them, and making them anew is most
         # of the work of a small NLP: the solver stays alive until the next one has been built.

@@ -303,7 +303,8 @@ class Direct:
     def excess(self, limit: PathConstraint, instants: Iterable[float], both_sides: bool = True) -> Array:
         """Largest excess of each row over its bounds at instants of every segment, in units of the limit's scale."""
         last = len(self.segments) - 1
-        grid = [(k, u) for k in range(last + 1) for u in instants if both_sides or u < 1.0 or k == last]
+        held = [k for k in range(last + 1) if limit.holds_on(k)]
+        grid = [(k, u) for k in held for u in instants if both_sides or u < 1.0 or k == last]
         if limit.sweep:  # looked at where a population looks
             table = limit.constants
             values = np.array(

@@ -1,0 +1,500 @@
+"""A KUKA KR90 welds a tubular joint on nonic Bezier segments. Ogbemhe, Mpofu and Tlale (2019), IEEE Access.
+
+Decision variables  velocity, acceleration, jerk and snap of the joints at every tag, and their positions, each times a
+                    power of the time between tags; the durations of the air moves
+Curve               Bezier segments of degree 9, C4 at the tags, at rest at home    (5)-(18)
+Objectives          effort (1), movement (19), air time, jerk and snap; effort without gravity (our choice)
+Subject to          position (20), velocity .. snap (21)-(25, Table 3) on both sides for all t, torque; the torch's tip
+                    and tilt along the seam
+Deviations
+  (16) and (18) are misprinted, (20) lacks a sign; (21)-(25) are one-sided, and (1) and (19) sum torques with their
+  signs, which has no least value: squares here. Table 2 and Tables 5-11 contradict the limits and are not used. The
+  paper has no dynamic data, seam, torch nor weld speed: the robot is a stand-in (see ``ocp_traj.problems.kr90``), the
+  rest our choice. Torques are limited by its efforts; ``as_printed`` takes the paper's 35 000 N m for every joint.
+  The paper stops at nothing but leaves the time between tags open: a weld runs at its speed, and air moves take what
+  the limits ask for. ``rest_at_tags`` is the literal reading for air moves: rest at every tag.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from itertools import pairwise
+from math import cos, radians
+from typing import Any
+
+import casadi
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+from numpy.typing import NDArray
+
+from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.curves import nonic
+from ocp_traj.errors import InputError
+from ocp_traj.problem import Objective, Problem, Variable
+from ocp_traj.problems import kr90
+from ocp_traj.requirements import ORDERS, PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.robot import Robot
+from ocp_traj.seam import Pieces, Placement, PolylineSeam, Seam, TubeSeam, at_piece, pieces
+from ocp_traj.tracking import Fit, fit_path, perpendicular, pose_function
+from ocp_traj.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+Six = tuple[float, float, float, float, float, float]
+
+CASES = ("seam", "air-move")
+JOINTS = kr90.JOINTS
+PRINTED_EFFORT = 35_000.0  # [N m], every joint: the paper's
+AIR_MOVE = (  # rest, via, rest [deg]: our choice
+    (0.0, -90.0, 100.0, 0.0, 60.0, 0.0),
+    (15.0, -80.0, 110.0, 20.0, 65.0, 15.0),
+    (30.0, -65.0, 105.0, 45.0, 50.0, 40.0),
+)
+UNITS = tuple((unit,) * 6 for unit in ("rad", "rad/s", "rad/s2", "rad/s3", "rad/s4"))
+# Traces of these keep the torch's spin and the tags' derivatives definite where nothing else does; our choice.
+TRACES = {"movement": 1e-3, "snap": 1e-5}
+SINGULAR = 1e-2  # least singular value of a tag's Jacobian (place [m] and torch's axis); our choice
+SCAN = 100  # instants a piece at which figures are taken; our choice
+MOST_TAGS = 40  # our choice: 1200 variables
+CLOSE = 1e-4  # [m], and
+STEEP = radians(1.0)  # [rad] of tilt: a fit that is farther off has not reached the seam; our choice
+NODES = {"effort": 6, "movement": 9, "jerk": 7, "snap": 6}  # Gauss-Legendre nodes a segment; exact but for effort
+
+
+@dataclass(frozen=True)
+class Ogbemhe2019:
+    """The numbers of a case; a field is what a user may change. Seam, torch and speeds are our choice."""
+
+    case: str = "seam"  # of CASES: approach, weld and retract, or a move through a via point
+    psi: float = 60.0  # [deg] between brace and chord
+    chord_radius: float = 0.150  # [m]
+    brace_radius: float = 0.090  # [m]
+    phi: tuple[float, float] = (-90.0, 90.0)  # [deg] about the brace, from where to where is welded
+    mirrored: bool = False  # the other brace of a K joint
+    origin: tuple[float, float, float] = (2.05, 0.0, 1.0)  # [m], where the tubes' axes cross
+    yaw: float = 180.0  # [deg] of the chord
+    seam_file: str = ""  # a CSV file of points and normals in place of the tubes; see ocp_traj.seam
+    riser: float = 0.6  # [m], height the robot stands on
+    tags: int = 9  # along the seam
+    weld_speed: float = 0.008  # [m/s]
+    tcp_box: float = 0.04e-3  # [m], the tip's error along each axis
+    tcp_tolerance: float = 0.5e-3  # [m], its distance from the seam
+    max_tilt: float = 5.0  # [deg] of the torch
+    payload: float = 0.0  # [kg] at the flange, beside the torch
+    home: Six = (0.0, -90.0, 100.0, 0.0, -60.0, 180.0)  # [deg]
+    as_printed: bool = False  # the paper's torque limit
+    rest_at_tags: bool = False  # of the air move
+    weights: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1e-3)  # of air time, effort, movement, snap in the sum
+    min_air_time: float = 0.5  # [s], of each air move
+    max_air_time: float = 30.0  # [s]
+
+    def __post_init__(self) -> None:
+        """Checks the fields; those of a seam are checked where it is made."""
+        if self.case not in CASES:
+            raise InputError(f"case is {self.case!r}; allowed are {', '.join(CASES)}")
+        if self.rest_at_tags and self.case == "seam":
+            raise InputError("rest_at_tags is for case air-move: a weld that keeps its speed does not rest at its tags")
+        for name in ("weld_speed", "tcp_box", "tcp_tolerance", "max_tilt", "min_air_time"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise InputError(f"{name} is {getattr(self, name)}; give a number above zero")
+        if not self.max_tilt < 90.0:
+            raise InputError(f"max_tilt is {self.max_tilt} deg; give an angle below 90")
+        if not 0.0 <= self.payload < np.inf:
+            raise InputError(f"payload is {self.payload} kg; give a finite mass, zero or more")
+        if not 2 <= self.tags <= MOST_TAGS:
+            raise InputError(f"tags is {self.tags}; give 2 to {MOST_TAGS}")
+        if not self.min_air_time < self.max_air_time < np.inf:
+            raise InputError(
+                f"min_air_time {self.min_air_time} s and max_air_time {self.max_air_time} s leave no duration; "
+                "widen them"
+            )
+        if not all(0.0 <= w < np.inf for w in self.weights) or not any(self.weights):
+            raise InputError(f"weights are {self.weights}; give four numbers, zero or more and not all zero")
+        low, high = kr90.POSITION
+        for joint, lower, angle, upper in zip(JOINTS, low, self.home, high, strict=True):
+            if not lower < angle < upper:
+                raise InputError(f"home has {joint} at {angle} deg; its range is {lower:g} to {upper:g} deg")
+
+
+def _gauss(points: int) -> tuple[tuple[float, float], ...]:
+    nodes, weights = leggauss(points)
+    return tuple(((1.0 + float(u)) / 2.0, float(w) / 2.0) for u, w in zip(nodes, weights, strict=True))
+
+
+def _nodes(count: int) -> tuple[float, ...]:
+    """Chebyshev's nodes on [0, 1], between which a polynomial held there cannot swing far."""
+    return tuple(float(u) for u in (1.0 - np.cos(np.pi * (np.arange(count) + 0.5) / count)) / 2.0)
+
+
+def _extremes(count: int) -> tuple[float, ...]:
+    """Chebyshev's extremes on [0, 1], ends included."""
+    return tuple(float(u) for u in (1.0 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2.0)
+
+
+def seam(case: Ogbemhe2019) -> Seam:
+    """What is welded."""
+    place = Placement(case.origin, radians(case.yaw))
+    if case.seam_file:
+        return PolylineSeam.read(case.seam_file, place)
+    low, high = (radians(p) for p in case.phi)
+    return TubeSeam(case.chord_radius, case.brace_radius, radians(case.psi), (low, high), place, case.mirrored)
+
+
+def least_time(start: Array, end: Array, case: Ogbemhe2019) -> float:
+    """Least duration [s] of a nonic between two states ``(5, 6)``, to 2 %, at which the limits up to snap hold."""
+    limits = [np.radians(v) for v in (kr90.VELOCITY, kr90.ACCELERATION, kr90.JERK, kr90.SNAP)]
+    for duration in np.geomspace(case.min_air_time, case.max_air_time, 200):
+        curve = nonic([start, end], np.array([duration]))
+        if all(
+            max(-extreme.lower, extreme.upper) <= bound
+            for order, bounds in enumerate(limits, 1)
+            for extreme, bound in zip(curve.extrema(order), bounds, strict=True)
+        ):
+            return float(duration)
+    return case.max_air_time
+
+
+@dataclass(frozen=True)
+class Start:
+    """From where a seam is optimised.
+
+    Attributes:
+        cut: the seam in pieces.
+        fit: the arm along it.
+        air: durations of approach and retract that the limits allow [s].
+    """
+
+    cut: Pieces
+    fit: Fit
+    air: tuple[float, float]
+
+
+@lru_cache(maxsize=16)
+def start(case: Ogbemhe2019) -> Start:
+    """The seam in pieces, the arm fitted to it from home and from home's other wrist postures, the quickest of them."""
+    machine, path = kr90.robot(riser=case.riser), seam(case)
+    cut = pieces(path, case.tags)
+    for name, error in (("tcp_box", case.tcp_box), ("tcp_tolerance", case.tcp_tolerance)):
+        if cut.position_error > 0.1 * error:
+            raise InputError(
+                f"between {case.tags} tags the seam is written to {1e3 * cut.position_error:.2g} mm only, and {name} "
+                f"is {1e3 * error:g} mm; give more tags, or a wider {name}"
+            )
+    home = np.radians(case.home)
+    weld = path.length / case.weld_speed / (case.tags - 1)
+    reached, failed = [], []
+    for posture in _postures(home):
+        fit = fit_path(machine, cut, posture)
+        problem = _obstruction(machine, cut, fit, case)
+        if problem:
+            failed.append((problem, float(fit.place_error.max())))
+            continue
+        tags = fit.states / weld ** np.arange(5)[:, None]
+        rest = _rest(home)
+        air = least_time(rest, tags[0], case), least_time(tags[-1], rest, case)
+        reached.append(Start(cut, fit, air))
+    if not reached:
+        raise InputError(min(failed, key=lambda f: f[1])[0])
+    return min(reached, key=lambda s: sum(s.air))
+
+
+def _rest(q: Array) -> Array:
+    """The state at rest ``(5, 6)``."""
+    return np.concatenate([q[None], np.zeros((4, 6))])
+
+
+def _obstruction(machine: Robot, cut: Pieces, fit: Fit, case: Ogbemhe2019) -> str:
+    """Why a fit does not follow the seam, by its worst tag; empty where it does."""
+    pose = pose_function(machine)
+    low, high = np.radians(kr90.POSITION)
+    worst = int(np.argmax(np.maximum(fit.place_error / CLOSE, fit.tilt / STEEP)))
+    name = f"tag {worst + 1} of {len(cut.tags)}"
+    if fit.place_error[worst] > CLOSE or fit.tilt[worst] > STEEP:
+        k, u = (worst, 0.0) if worst < len(cut.position) else (worst - 1, 1.0)
+        place, axis = (values[0] for values in cut.values(k, u))
+        away = _wrist_distance(place, axis, case)
+        if away > kr90.REACH:
+            return (
+                f"{name} is out of reach: however the torch is turned about its axis, the wrist's centre is "
+                f"{away:.3f} m from A2 or more, and the arm is {kr90.REACH:.3f} m long; move the seam or the robot"
+            )
+        return (
+            f"{name} cannot be reached with the torch along the seam: the best fit is "
+            f"{1e3 * fit.place_error[worst]:.3g} mm and {np.degrees(fit.tilt[worst]):.3g} deg off; move the seam or "
+            "the robot, or change home"
+        )
+    q = fit.states[:, 0]
+    over = np.maximum(q - high, low - q)
+    if over.max() > 0.0:
+        tag, joint = np.unravel_index(int(np.argmax(over)), over.shape)
+        return (
+            f"tag {tag + 1} of {len(cut.tags)} asks for {JOINTS[joint]} at {np.degrees(q[tag, joint]):.1f} deg, its "
+            f"range is {np.degrees(low[joint]):g} to {np.degrees(high[joint]):g} deg; move the seam or change home"
+        )
+    values = []
+    for posture in q:  # of five directions: the torch may spin
+        _, axis, jp, jz = (np.array(o) for o in pose(posture))
+        across = perpendicular(axis.ravel()) @ jz
+        values.append(np.linalg.svd(np.concatenate([jp, across]), compute_uv=False)[-1])
+    if min(values) < SINGULAR:
+        tag = int(np.argmin(values))
+        return (
+            f"tag {tag + 1} of {len(cut.tags)} is singular: the smallest singular value of its Jacobian is "
+            f"{values[tag]:.2g}, {SINGULAR:g} or more is needed; move the seam or change home"
+        )
+    return ""
+
+
+def _wrist_distance(place: Array, axis: Array, case: Ogbemhe2019) -> float:
+    """Least distance of the wrist's centre from A2 [m] over all spins of a torch at a place, along an axis."""
+    side = perpendicular(axis / np.linalg.norm(axis))
+    best = np.inf
+    for spin in np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False):
+        x = np.cos(spin) * side[0] + np.sin(spin) * side[1]
+        rotation = np.stack([x, np.cross(axis, x), axis], axis=1)
+        wrist = place + rotation @ kr90.wrist_from_tip()
+        out = np.hypot(wrist[0], wrist[1]) - kr90.SHOULDER[0]
+        best = min(best, float(np.hypot(out, wrist[2] - case.riser - kr90.SHOULDER[1])))
+    return best
+
+
+def _postures(home: Array) -> list[Array]:
+    """Home, and the same pose with the wrist turned over, as far as the joints' ranges allow."""
+    low, high = np.radians(kr90.POSITION)
+    found = [home]
+    for fourth in (np.pi, -np.pi):
+        for sixth in (np.pi, -np.pi):
+            over = home * np.array([1.0, 1.0, 1.0, 1.0, -1.0, 1.0]) + np.array([0.0, 0.0, 0.0, fourth, 0.0, sixth])
+            found.append(over)
+    return [posture for posture in found if ((posture > low) & (posture < high)).all()]
+
+
+def build(case: Ogbemhe2019 | None = None) -> Problem:
+    """The problem of a case."""
+    case = case or Ogbemhe2019()
+    machine = kr90.robot(case.payload, riser=case.riser)
+    limits = _joint_limits(case, machine)
+    return _seam_problem(case, machine, limits) if case.case == "seam" else _air_move(case, machine, limits)
+
+
+def _objectives(case: Ogbemhe2019, machine: Robot, air: Callable[[Any], Any]) -> tuple[Objective, ...]:
+    strength = casadi.DM(kr90.EFFORT)
+    floating = kr90.robot(case.payload, riser=case.riser, gravity=0.0)
+
+    def integral(name: str, unit: str, eq: str, integrand: Callable[[State], Any], rule: str = "") -> Objective:
+        return Objective(name, unit, 1.0, eq=eq, integrand=integrand, quadrature=_gauss(NODES[rule or name]))
+
+    def strain(robot: Robot) -> Callable[[State], Any]:
+        return lambda s: casadi.sumsqr(kr90.torque(robot, s.q, s.v, s.a) / strength)
+
+    parts = dict(zip(("air_time", "effort", "movement", "snap"), case.weights, strict=True))
+    return (
+        Objective("air_time", "s", 1.0, eq="sect. III-C", of_variables=lambda x, p: air(x)),
+        integral("effort", "s", "(1)", strain(machine)),
+        integral("dynamic_effort", "s", "our choice", strain(floating), "effort"),
+        integral("movement", "rad2/s", "(19)", lambda s: casadi.sumsqr(s.v)),
+        integral("jerk", "rad2/s5", "our choice", lambda s: casadi.sumsqr(s.jerk)),
+        integral("snap", "rad2/s7", "our choice", lambda s: casadi.sumsqr(s.snap)),
+        Objective("total", "-", 1.0, eq="our choice", terms=parts),
+    )
+
+
+def _joint_limits(case: Ogbemhe2019, machine: Robot) -> list[PathConstraint]:
+    limits = []
+    for order, name in enumerate(("position", "velocity", "acceleration", "jerk", "snap")):
+        low, high = machine.limits.bounds(order) or (0.0, 0.0)
+        limits.append(
+            PathConstraint.on_derivative(
+                f"{name}-limit", order, low, high, UNITS[order], JOINTS, "Table 3" if order else "(20)"
+            )
+        )
+    effort = np.full(6, PRINTED_EFFORT) if case.as_printed else np.array(kr90.EFFORT)
+
+    def torque(s: State) -> Any:
+        return kr90.torque(machine, s.q, s.v, s.a)
+
+    limits.append(PathConstraint("torque", torque, -effort, effort, machine.effort_units, JOINTS, "sect. III-B"))
+    return limits
+
+
+def _rest_constraint(id: str, at: tuple[int, float], q: Array) -> PointConstraint:
+    """At rest in all derivatives up to snap, at a posture."""
+    state = _rest(q).ravel()
+    labels = tuple(f"{order} {joint}" for order in ORDERS for joint in JOINTS)
+    return PointConstraint(
+        id, lambda s: casadi.vertcat(s.q, s.v, s.a, s.jerk, s.snap), (at,), state, state,
+        tuple(unit for units in UNITS for unit in units), labels, "sect. III", structural=True,
+    )  # fmt: skip
+
+
+def _tag_variables(tag: str, weld: float, position: bool) -> list[Variable]:
+    """Derivatives of the joints at a tag times powers of the time between tags, within Table 3; positions if free."""
+    low, high = np.radians(kr90.POSITION)
+    bounds = [(low, high)] if position else []
+    for order, table in enumerate((kr90.VELOCITY, kr90.ACCELERATION, kr90.JERK, kr90.SNAP), 1):
+        most = np.radians(table) * weld**order
+        bounds.append((-most, most))
+    names = ORDERS if position else ORDERS[1:]
+    return [
+        Variable(f"{name} at {tag}", *pair, "rad", tuple(f"{tag} {name} {j}" for j in JOINTS), "sect. III-C")
+        for name, pair in zip(names, bounds, strict=True)
+    ]
+
+
+def _scaled_states(block: Any, weld: float, orders: Sequence[int]) -> Any:
+    """Derivatives ``(orders, 6)`` of a tag from its variables."""
+    powers = np.array([weld**-k for k in orders])
+    if isinstance(block, casadi.SX):
+        rows = casadi.reshape(block, 6, len(orders)).T
+        return casadi.mtimes(casadi.SX(casadi.diag(casadi.DM(powers))), rows)
+    return np.asarray(block, dtype=float).reshape(len(orders), 6) * powers[:, None]
+
+
+def _problem(
+    case: Ogbemhe2019, machine: Robot, variables: Sequence[Variable], curve: Callable[[Any], PiecewiseBezier],
+    limits: Sequence[PathConstraint], points: Sequence[PointConstraint], guess: Callable[[np.random.Generator], Array],
+    words: str, **more: Any,
+) -> Problem:  # fmt: skip
+    """What both cases share; the last two variables are the air moves' durations."""
+    count = sum(len(v.labels) for v in variables)
+    lower = np.concatenate([v.lower for v in variables])
+    upper = np.concatenate([v.upper for v in variables])
+    return Problem(
+        id="weld-bezier",
+        title=f"KUKA KR90 stand-in, nonic Bezier segments, {words}",
+        reference="Ogbemhe, Mpofu and Tlale (2019), IEEE Access",
+        case=case,
+        robot=machine,
+        variables=tuple(variables),
+        curve=curve,
+        objectives=_objectives(case, machine, lambda x: x[count - 2] + x[count - 1]),
+        default_objective="total",
+        requirements=Requirements(JOINTS, ("rad",) * 6, tuple(limits), tuple(points), continuity=4),
+        guess=lambda rng: np.clip(guess(rng), lower, upper),
+        local_derivatives=True,
+        notes=notes(case),
+        **more,
+    )
+
+
+def notes(case: Ogbemhe2019) -> tuple[str, ...]:
+    """What the paper leaves out and this case has."""
+    said = ["the robot is a stand-in for the KR90: KR150 R3100-2 inertias and efforts on the KR90's dimensions"]
+    if case.as_printed:
+        said.append(f"torque limit {PRINTED_EFFORT:g} N m on every joint, as printed: it never binds")
+    return tuple(said)
+
+
+def _durations(case: Ogbemhe2019, labels: tuple[str, str]) -> Variable:
+    return Variable("T", np.full(2, case.min_air_time), np.full(2, case.max_air_time), "s", labels, "our choice")
+
+
+def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstraint]) -> Problem:
+    begun = start(case)
+    cut, tags, home = begun.cut, case.tags, np.radians(case.home)
+    weld = float(cut.tags[-1]) / case.weld_speed / (tags - 1)
+    variables = [v for tag in range(1, tags + 1) for v in _tag_variables(f"tag {tag}", weld, position=True)]
+    variables.append(_durations(case, ("approach", "retract")))
+
+    def curve(x: Any) -> PiecewiseBezier:
+        symbolic = isinstance(x, casadi.SX)
+        rest: Any = casadi.SX(_rest(home)) if symbolic else _rest(home)
+        inner = [_scaled_states(x[30 * tag : 30 * tag + 30], weld, range(5)) for tag in range(tags)]
+        times = [x[30 * tags], *([weld] * (tags - 1)), x[30 * tags + 1]]
+        return nonic([rest, *inner, rest], casadi.vertcat(*times) if symbolic else np.array(times, dtype=float))
+
+    def guess(rng: np.random.Generator) -> Array:
+        return np.concatenate([begun.fit.states.ravel(), np.array(begun.air) * rng.uniform(1.0, 1.1, 2)])
+
+    table = np.zeros((tags + 1, cut.constants.shape[1]))
+    table[1:tags] = cut.constants
+    along: dict[str, Any] = {"eq": "our choice", "constants": table, "segments": tuple(range(1, tags))}
+
+    def error(s: State) -> Any:
+        return machine.tool_pose(s.q)[1] - at_piece(s.c, s.u)[0]
+
+    def tilt(s: State) -> Any:
+        return 1.0 - casadi.dot(machine.tool_pose(s.q)[0][:, 2], at_piece(s.c, s.u)[1])
+
+    # What the polynomials miss of the seam comes off the bounds.
+    box, radius = case.tcp_box - cut.position_error, 1e3 * (case.tcp_tolerance - cut.position_error)
+    most = 1.0 - cos(radians(case.max_tilt)) - cut.axis_error
+    tracked = (
+        PathConstraint("tcp", error, np.full(3, -box), np.full(3, box), ("m",) * 3, ("x", "y", "z"), **along),
+        PathConstraint(
+            "tcp-distance", lambda s: casadi.sumsqr(1e3 * error(s)), np.array([-np.inf]), np.array([radius**2]),
+            ("mm2",), ("squared",), **along,
+        ),
+        PathConstraint("tilt", tilt, np.array([-np.inf]), np.array([most]), ("-",), ("1 - cos",), **along),
+    )  # fmt: skip
+    return _problem(
+        case, machine, variables, curve, (*limits, *tracked),
+        (_rest_constraint("start", (0, 0.0), home), _rest_constraint("end", (-1, 1.0), home)),
+        guess, "a tubular seam" if not case.seam_file else "a seam",
+        curve_kind=f"nonic Bezier, approach, {tags - 1} pieces of the seam, retract",
+        reference_point={"air_time": 12.0, "effort": 8.0, "movement": 10.0},
+        instants={"tcp": _nodes(10), "tilt": _nodes(4), "snap-limit": _extremes(7)},
+        instants_move=False,
+        regularisation=TRACES,
+        figures=partial(_figures, machine, seam(case), cut),
+        solver_options={"tol": 1e-4, "mu_target": 1e-4},
+    )  # fmt: skip
+
+
+def _figures(machine: Robot, path: Seam, cut: Pieces, motion: Trajectory) -> list[tuple[str, float, str]]:
+    """How closely a trajectory keeps to the seam itself, at ``SCAN`` instants a piece."""
+    u = np.linspace(0.0, 1.0, SCAN)
+    q = np.concatenate([motion.curve.at(k, u) for k in range(1, len(cut.tags))])
+    place, axis, *_ = (np.array(o).T for o in pose_function(machine).map(len(q))(q.T))
+    wanted = path.at(np.concatenate([a + (b - a) * u for a, b in pairwise(cut.tags)]))
+    off = np.linalg.norm(place - wanted.position, axis=1)
+    tilt = np.arccos(np.clip((axis * wanted.axis).sum(axis=1), -1.0, 1.0))
+    return [
+        ("tip off the seam, rms", 1e3 * float(np.sqrt((off**2).mean())), "mm"),
+        ("tip off the seam, largest", 1e3 * float(off.max()), "mm"),
+        ("tilt of the torch, largest", float(np.degrees(tilt.max())), "deg"),
+        ("time of the weld", float(motion.curve.durations[1:-1].sum()), "s"),
+    ]
+
+
+def _air_move(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstraint]) -> Problem:
+    points = np.radians(np.array(AIR_MOVE))
+    rest = _rest(points[1])
+    least = [least_time(_rest(a), _rest(b), case) for a, b in pairwise(points)]
+    unit = float(np.mean(least))  # [s], by powers of which the via point's derivatives are scaled
+    variables = [] if case.rest_at_tags else _tag_variables("via", unit, position=False)
+    variables.append(_durations(case, ("T1", "T2")))
+    inner = 0 if case.rest_at_tags else 24
+
+    def curve(x: Any) -> PiecewiseBezier:
+        symbolic = isinstance(x, casadi.SX)
+        if case.rest_at_tags:
+            via: Any = casadi.SX(rest) if symbolic else rest
+        else:
+            moving = _scaled_states(x[:24], unit, range(1, 5))
+            via = casadi.vertcat(casadi.SX(points[1]).T, moving) if symbolic else np.vstack([points[1], moving])
+        ends = [casadi.SX(_rest(q)) if symbolic else _rest(q) for q in points[[0, 2]]]
+        times = x[inner : inner + 2]
+        return nonic([ends[0], via, ends[1]], times if symbolic else np.asarray(times, dtype=float))
+
+    def guess(rng: np.random.Generator) -> Array:
+        return np.concatenate([0.05 * rng.normal(size=inner), np.array(least) * rng.uniform(1.0, 1.5, 2)])
+
+    def dilate(x: Array, s: float) -> Array:
+        slower = np.array(x, dtype=float)
+        slower[:inner] /= np.repeat([s, s**2, s**3, s**4], 6)[:inner]
+        slower[inner:] *= s
+        return slower
+
+    via_point = PointConstraint(
+        "via", lambda s: s.q, ((1, 0.0),), points[1], points[1], UNITS[0], JOINTS, "our choice", structural=True
+    )
+    return _problem(
+        case, machine, variables, curve, limits,
+        (_rest_constraint("start", (0, 0.0), points[0]), via_point, _rest_constraint("end", (-1, 1.0), points[2])),
+        guess, "an air move through a via point",
+        curve_kind="nonic Bezier, 2 segments",
+        reference_point={"air_time": 12.0, "dynamic_effort": 0.5, "effort": 2.0, "movement": 2.0},
+        dilate=dilate,
+    )  # fmt: skip
