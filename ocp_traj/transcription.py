@@ -327,6 +327,8 @@ def _moved(start: float, slope: Array | None, anchor: Array | None, x: Any) -> A
     if slope is None or anchor is None:
         return casadi.MX(start)
     few = np.nonzero(slope)[0].tolist()  # an instant moves with the variables of its own segment
+    if not few:
+        return casadi.MX(start)
     moved = start + casadi.dot(casadi.DM(slope[few]), x[few] - casadi.DM(anchor[few]))
     return casadi.fmin(casadi.fmax(moved, 0.0), 1.0)
 

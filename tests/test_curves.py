@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import CubicSpline
 
 from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.curves import cubic_spline_free_ends
+from ocp_traj.curves import cubic_spline_free_ends, nonic
 from ocp_traj.errors import ProblemDefinitionError
 from tests.closed_form import clamped_spline
 
@@ -119,3 +119,65 @@ def test_a_wrong_number_of_intervals_is_refused(count: int, intervals: int, mess
     for h in (np.ones(intervals), ca.SX.sym("h", intervals)):
         with pytest.raises(ProblemDefinitionError, match=f"at least 3 via points and one interval more; {message}"):
             cubic_spline_free_ends(np.zeros((count, 2)), h)
+
+
+# --- nonic segments through tags ---
+
+
+def random_tags(seed: int, count: int, dof: int = 3) -> tuple[list[np.ndarray], np.ndarray, PiecewiseBezier]:
+    rng = np.random.default_rng([seed, count])
+    tags, times = [rng.normal(size=(5, dof)) for _ in range(count)], rng.uniform(0.3, 4.0, count - 1)
+    return tags, times, nonic(tags, times)
+
+
+@pytest.mark.parametrize("count", [2, 3, 6])
+@pytest.mark.parametrize("seed", range(4))
+def test_nonic_segments_have_the_tags_derivatives_at_both_ends(seed: int, count: int) -> None:
+    """Ogbemhe et al. (2019), (5)-(18) mended: the boundary map, by derivatives of the control points."""
+    tags, _, curve = random_tags(seed, count)
+    for k in range(count - 1):
+        for order in range(5):
+            size = np.abs(curve.hodograph(k, order)).max()
+            assert_allclose(curve.at(k, 0.0, order)[0], tags[k][order], rtol=0, atol=1e-12 * size)
+            assert_allclose(curve.at(k, 1.0, order)[0], tags[k + 1][order], rtol=0, atol=1e-12 * size)
+
+
+def test_nonic_segments_are_c4_at_tags() -> None:
+    for seed in range(5):
+        _, _, curve = random_tags(seed, 6)
+        for order in range(5):
+            assert np.abs(curve.jump(order)).max() <= 1e-9 * np.abs(np.concatenate(curve.hull(order))).max()
+
+
+def test_a_nonic_from_rest_to_rest_is_the_polynomial_and_has_the_peaks_of_theory() -> None:
+    """q0 + d (126 u^5 - 420 u^6 + 540 u^7 - 315 u^8 + 70 u^9); its derivatives peak where numpy finds them to."""
+    start, end = np.zeros((5, 1)), np.zeros((5, 1))
+    end[0] = 0.7
+    duration = 1.9
+    curve = nonic([start, end], np.array([duration]))
+    exact = np.polynomial.Polynomial([0, 0, 0, 0, 0, 126, -420, 540, -315, 70]) * 0.7
+    u = np.linspace(0.0, 1.0, 101)
+    assert_allclose(curve.at(0, u)[:, 0], exact(u), rtol=0, atol=1e-13)
+    for order, factor in ((1, 2.4609), (2, 9.3720), (3, 78.750), (4, 622.533)):
+        derivative = exact.deriv(order)
+        roots = derivative.deriv().roots()
+        places = np.concatenate(
+            [[0.0, 1.0], roots.real[(abs(roots.imag) < 1e-6) & (roots.real > 0) & (roots.real < 1)]]
+        )
+        peak = np.abs(derivative(places)).max() / duration**order
+        (extreme,) = curve.extrema(order)
+        assert max(extreme.upper, -extreme.lower) == pytest.approx(peak, rel=1e-9)
+        assert peak * duration**order / 0.7 == pytest.approx(factor, rel=3e-5)  # of five digits
+
+
+def test_nonic_segments_of_symbols_are_those_of_numbers() -> None:
+    tags, times, curve = random_tags(0, 4)
+    symbols, t = [ca.SX.sym("s", 5, 3) for _ in tags], ca.SX.sym("t", 3)
+    function = ca.Function("f", [*symbols, t], list(nonic(symbols, t).control_points))
+    for found, expected in zip(function(*tags, times), curve.control_points, strict=True):
+        assert_allclose(np.array(found), expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+def test_nonic_segments_need_one_duration_less_than_tags() -> None:
+    with pytest.raises(ProblemDefinitionError, match="3 tags need 2 durations"):
+        nonic([np.zeros((5, 1))] * 3, np.ones(3))

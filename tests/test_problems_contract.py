@@ -1,6 +1,7 @@
 """What every registered problem must do; a new paper gets these tests with its line in the registry."""
 
 import ast
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from ocp_traj import problems
 from ocp_traj.population import Population
 from ocp_traj.problem import Problem
-from ocp_traj.scalarise import WeightedSum
+from ocp_traj.scalarise import GoalAttainment, WeightedSum
 from ocp_traj.symbolic import evaluate_objectives, objective_function, smooth_objectives, variations
 from ocp_traj.tape import Tape
 from ocp_traj.trajectory import Trajectory
@@ -40,6 +41,7 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
         {"obstacles": ()},
         {"obstacles": ((0.0, 2.2, 0.0, 0.3),)},  # out of the tip's reach but for its near side: a swept limit
     ],
+    "weld-bezier": [{"case": "air-move"}, {"case": "air-move", "rest_at_tags": True, "as_printed": True}],
 }
 CASES = [(name, changes) for name in problems.names() for changes in ({}, *VARIANTS.get(name, ()))]
 EPS = np.finfo(float).eps
@@ -200,8 +202,11 @@ def test_promised_continuity_holds_for_any_variables(problem: Problem) -> None:
             assert np.abs(curve.jump(order)).max(initial=0.0) <= 1e-9 * size
 
 
-def _matches_central_differences(function: ca.Function, x: np.ndarray) -> None:
-    """Every column of the Jacobian, with Richardson's extrapolation of two steps: error O(step^4) and eps / step."""
+def _matches_central_differences(function: ca.Function, x: np.ndarray, scale: np.ndarray | float = 1.0) -> None:
+    """Every column of the Jacobian, with Richardson's extrapolation of two steps: error O(step^4) and eps / step.
+
+    A row is a number of order one, less another, over ``scale``: rounding adds eps / scale to it.
+    """
     symbol = ca.MX.sym("x", len(x))
     jacobian = np.array(ca.densify(ca.Function("J", [symbol], [ca.jacobian(function(symbol), symbol)])(x)))
     value = np.array(function(x)).ravel()
@@ -213,7 +218,8 @@ def _matches_central_differences(function: ca.Function, x: np.ndarray) -> None:
             slopes.append(np.array(function(x + e) - function(x - e)).ravel() / (2 * e[j]))
         slope = (4 * slopes[1] - slopes[0]) / 3
         size = np.maximum(np.abs(jacobian).max(axis=1) + np.abs(value), 1e-3)  # rows are of order one; some vanish
-        assert_allclose(jacobian[:, j] / size, slope / size, rtol=0, atol=1e-7)
+        rounding = 64.0 * EPS / np.asarray(scale) / (step / 2 * max(abs(x[j]), 0.1))
+        assert (np.abs(jacobian[:, j] - slope) <= 1e-7 * size + rounding).all()
 
 
 def test_gradients_of_the_objectives_match_central_differences(problem: Problem) -> None:
@@ -222,7 +228,31 @@ def test_gradients_of_the_objectives_match_central_differences(problem: Problem)
 
 def test_jacobian_of_the_limits_matches_central_differences(problem: Problem) -> None:
     nlp = transcribe(problem, WeightedSum({problem.default_objective: 1.0}), few_instants(problem))
-    _matches_central_differences(ca.Function("g", [nlp.x], [nlp.g]), nlp.start(guess(problem, 2)))
+    scale = np.array([min(row.scale, 1.0) for row in nlp.rows])
+    _matches_central_differences(ca.Function("g", [nlp.x], [nlp.g]), nlp.start(guess(problem, 2)), scale)
+
+
+def test_local_derivatives_are_those_casadi_makes(problem: Problem) -> None:
+    """Jacobian and Hessian of the Lagrangian put together from those of each instant, against plain ones."""
+    name = problem.default_objective
+    scalarisation = GoalAttainment({name: 1.0}, {name: 1.0})
+    plain = transcribe(replace(problem, local_derivatives=False), scalarisation, few_instants(problem))
+    nlp = transcribe(replace(problem, local_derivatives=True), scalarisation, few_instants(problem))
+    assert plain.derivatives is None and nlp.derivatives is not None
+    rng = np.random.default_rng(3)
+    x = nlp.start(guess(problem, 3)) + 0.0
+    multipliers = rng.normal(size=len(nlp.rows))
+    lam = ca.MX.sym("lam", len(nlp.rows))
+    jacobian = ca.Function("J", [plain.x], [plain.g, ca.jacobian(plain.g, plain.x)])(x)
+    lagrangian = 0.7 * plain.f + ca.dot(lam, plain.g)
+    hessian = ca.Function("H", [plain.x, lam], [ca.triu(ca.hessian(lagrangian, plain.x)[0])])(x, multipliers)
+    for found, expected in zip(
+        (*nlp.derivatives.jacobian(x, []), nlp.derivatives.hessian(x, [], 0.7, multipliers)),
+        (*jacobian, hessian),
+        strict=True,
+    ):
+        ours, theirs = np.array(ca.densify(found)), np.array(ca.densify(expected))
+        assert_allclose(ours, theirs, rtol=0, atol=1e-10 * max(float(np.abs(theirs).max()), 1.0))
 
 
 # --- trajectories ---
