@@ -261,7 +261,12 @@ def pareto(
         )
     found = chosen.pareto(problem, objectives)
     settled = found.xs if problem.settle is None else [problem.settle(x) for x in found.xs]
-    xs, _ = slow_down(problem, settled)
+    xs, checked = slow_down(problem, settled)
+    for i, one in enumerate(checked):
+        if (
+            not one.proved and problem.settle is not None
+        ):  # what was found may be proved, if a little less was asked of it
+            xs[i] = slow_down(problem, [found.xs[i]])[0][0]
     info = {**found.info, "interrupted": found.interrupted}
     return Front.of(
         problem, tuple(objectives), xs,

@@ -99,6 +99,7 @@ def solve(
     generations: Generations = None,
     schedule: Annotated[str | None, typer.Option(help=f"Of pso; one of: {', '.join(SCHEDULES)}.")] = None,
     handling: Annotated[str | None, typer.Option(help="Of limits: feasibility, penalty (pso) or death (ga).")] = None,
+    scaling: Annotated[bool | None, typer.Option(help="Of ga: every individual as fast as its path allows.")] = None,
     certify: Annotated[
         bool | None,
         typer.Option(
@@ -131,7 +132,9 @@ def solve(
             check_picture(history)
     for path in targets:
         check_writable(path)
-    options = _given(population=population, generations=generations, schedule=schedule, handling=handling)
+    options = _given(
+        population=population, generations=generations, schedule=schedule, handling=handling, scaling=scaling
+    )
     with screen.progress("solving") as progress:
         solution = api.solve(
             chosen, objective=objective, weights=weights, method=method, starts=starts, seed=seed,

@@ -58,7 +58,8 @@ class ElHaiek2019:
     case: str = "blocked"  # of CASES
     start: Point | None = None  # of the tip; the case's own if not given
     goal: Point | None = None
-    obstacles: tuple[tuple[float, float, float, float], ...] = ((0.5, 0.5, 0.0, 0.4),)  # x, y, z, radius; sect. 5
+    # x, y, z, radius of each, sect. 5; () or "none" where there are none.
+    obstacles: tuple[tuple[float, float, float, float], ...] = ((0.5, 0.5, 0.0, 0.4),)
     link_radius: float = 0.05  # of the link, a capsule from the base to the tip
     d3: float = 2.0  # length of the link, (1)-(3)
     weights: tuple[float, float] = (1.0, 1.0)  # beta1 [1/s], beta2 [1/rad] of (16)

@@ -24,6 +24,7 @@ from ocp_traj.progress import Progress
 from ocp_traj.scalarise import Scalarisation
 from ocp_traj.solvers.pareto_set import ParetoSet
 from ocp_traj.solvers.repair import slow_down
+from ocp_traj.solvers.scaling import TimeScaling
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.transcription import trajectory
 
@@ -47,13 +48,14 @@ class Vectorised(PymooProblem):  # type: ignore[misc]  # pymoo is untyped
 
     def __init__(
         self, problem: Problem, objectives: Sequence[str], per_segment: int,
-        handling: str = "feasibility", weight: float = 1e3, refine: bool = False,
+        handling: str = "feasibility", weight: float = 1e3, refine: bool = False, scaling: bool = False,
     ) -> None:  # fmt: skip
         if handling not in HANDLING:
             raise InputError(f"constraint handling is {handling!r}; allowed are {', '.join(HANDLING)}")
         self.handling, self.weight = handling, weight
         self.last: tuple[Array, Array, Array] = (np.empty((0, problem.size)), np.empty(0), np.empty(0))
         self.population = Population(problem, objectives, per_segment, refine)
+        self.scaling = TimeScaling(problem) if scaling else None
         self.idle, self.least = problem.idle(objectives), problem.lower
         chosen = [problem.objective(name) for name in objectives]
         self.signs = np.array([1.0 if o.sense == "min" else -1.0 for o in chosen])
@@ -73,8 +75,12 @@ class Vectorised(PymooProblem):  # type: ignore[misc]  # pymoo is untyped
         )
 
     def meant(self, x: Array) -> Array:
-        """Individuals ``(N, n)``, the auxiliary variables of objectives that are not traded where they ask least."""
-        return np.where(self.idle, self.least, x)
+        """Individuals ``(N, n)``, as they are evaluated.
+
+        Auxiliary variables of objectives that are not traded are put where they ask least; time is scaled if wanted.
+        """
+        fixed = np.where(self.idle, self.least, x)
+        return fixed if self.scaling is None else self.scaling.apply(fixed)
 
     def _evaluate(self, x: Array, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
         begun = time.perf_counter()

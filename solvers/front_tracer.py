@@ -39,7 +39,9 @@ Array = NDArray[np.float64]
 SAME = 1e-9  # of the front's extent: points closer than this in every objective are one; our choice
 REFINEMENTS = 4  # how many finer lattices are tried where the first one leaves points to be had: our choice
 FLAT = 1e-7  # relative: ends closer than this are one point; our choice, far above what back-off and solver leave open
-WORTHWHILE = 1e-5  # of the front's extent: what an end must gain to be replaced; our choice, far above FLAT
+# Of the front's extent: what an end may lose in its own objective, room that an interior point needs, and what it must
+# gain in the other for that; our choice.
+LOSS, WORTHWHILE = 1e-5, 1e-3
 RAY = np.concatenate([np.linspace(0.5, 1.0, 40), np.linspace(1.0, 2.0, 41)[1:]])  # dilations tried: our choice
 
 
@@ -154,7 +156,7 @@ class _Trace:
             if len(self.values) != 2 or (span <= FLAT * np.abs(self.values).max(axis=0)).any():
                 return
             other, value = self.names[1 - k], self.values[k, k]
-            scalar = EpsilonConstraint(other, {name: float(self.signs[k] * (value + FLAT * abs(value)))})
+            scalar = EpsilonConstraint(other, {name: float(self.signs[k] * (value + LOSS * span[k]))})
             starts = max(self.tracer.starts, self.problem.starts)
             solution = Multistart(self.tracer.solver, starts, self.tracer.seed + len(self.names) + k).solve(
                 self.problem, scalar

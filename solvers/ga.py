@@ -60,6 +60,7 @@ class GA:
         crossover, mutation: probabilities, of a pair and of a gene.
         handling: of limits, ``feasibility`` (Deb's rules) or ``death``: an individual that breaks a limit counts as
             infinitely bad, which is what the paper's division by F_o in (19) comes to.
+        scaling: whether each individual is slowed down, or sped up, along its own path until a limit is just reached.
         per_segment: instants a segment at which limits are looked at, peaks between them by parabolas; the audit has
             the last word.
         max_seconds: stop after the generation that passes this.
@@ -73,6 +74,7 @@ class GA:
     crossover: float = 0.8
     mutation: float = 0.05
     handling: str = "feasibility"
+    scaling: bool = False
     per_segment: int = 31
     max_seconds: float = np.inf
     progress: Progress = silent
@@ -90,7 +92,7 @@ class GA:
     def run(self, problem: Problem, name: str) -> tuple[Evolution, Vectorised]:
         """The run on one objective; Ctrl-C ends it early with what it has."""
         rng = np.random.default_rng(self.seed)
-        target = Vectorised(problem, [name], self.per_segment, self.handling, refine=True)
+        target = Vectorised(problem, [name], self.per_segment, self.handling, refine=True, scaling=self.scaling)
         algorithm = PymooGA(
             pop_size=self.population,
             sampling=np.array([problem.guess(rng) for _ in range(self.population)]),

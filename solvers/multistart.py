@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 SOLVES = 2  # of each start when all optima are wanted
 NARROW = {"mu_init": 1e-6, "bound_push": 1e-8, "bound_frac": 1e-8}  # our choice: IPOPT's own are 0.1, 0.01, 0.01
-ROUNDS = 4  # as many as usual: along a flat valley steps are short; our choice
+ROUNDS = 40  # at least: along a flat valley steps are short; our choice
 ONE_POINT = 1e-6  # of the variables' size: our choice, far above the solver's tolerance
 
 
@@ -78,7 +78,7 @@ class Multistart:
         """``SOLVES`` solutions of a start; those whose first NLP leads where an earlier one has led are that one's."""
         usual = self.solver
         close = replace(usual.solver, options={**NARROW, **usual.solver.options})
-        narrow = replace(usual, solver=close, max_rounds=ROUNDS * usual.rounds(problem))
+        narrow = replace(usual, solver=close, max_rounds=max(ROUNDS, usual.rounds(problem)))
         nlps: list[tuple[Exchange, NLP, list[tuple[Solution, Solution]]]] = [
             (solver, solver.opening(problem, scalarisation), []) for solver in (usual, narrow)
         ]

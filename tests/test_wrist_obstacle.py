@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from math import acos, asin, pi, sqrt
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from ocp_traj.problems import wrist_obstacle as paper
 from ocp_traj.scalarise import WeightedSum
 from ocp_traj.solvers.ga import GA
 from ocp_traj.solvers.ipopt import Ipopt
+from ocp_traj.solvers.scaling import TimeScaling
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import trajectory, transcribe, uniform_instants
@@ -457,7 +459,7 @@ def test_a_margin_of_ten_microradians_is_proved_in_few_pieces(wrist: Problem) ->
 @pytest.mark.slow
 def test_limits_on_efforts_bind_and_are_proved() -> None:
     plain = {"branch": "0", "effort_limits": True}
-    problem = problems.load("wrist-obstacle", **plain, max_effort=(0.15, 2.0, 0.2))
+    problem = problems.load("wrist-obstacle", **plain, max_effort=(0.1, 2.0, 0.2))
     solution = solve(problem, starts=2)
     assert solution.audit is not None and solution.audit.proved
     check(problem, solution.x)
@@ -477,7 +479,7 @@ def test_time_against_clearance_is_a_front_from_touching_to_the_ends_own_clearan
     times, rooms = table["time [s]"].to_numpy(), table["clearance [rad]"].to_numpy()
     assert (np.diff(times) > 0.0).all() and (np.diff(rooms) > 0.0).all()
     ends = pi / 4 - asin(0.45 / sqrt(0.5))  # of the goal, 45 degrees off the centre
-    assert times[[0, -1]] == approx([1.32815, 1.59338], abs=2e-5) and rooms[[0, -1]] == approx([0.0, ends], abs=1e-6)
+    assert times[[0, -1]] == approx([1.32815, 1.59338], abs=2e-5) and rooms[[0, -1]] == approx([0.0, ends], abs=2e-6)
     for i in range(len(front)):
         moving = front.trajectory(i)
         x = np.concatenate([np.ravel(v) for v in moving.variables.values()])
@@ -507,6 +509,42 @@ def test_a_short_run_of_the_genetic_algorithm_is_proved_and_not_optimal(wrist: P
     assert solution.audit is not None and solution.audit.proved
     check(wrist, solution.x)
     assert BLOCKED < solution.f < 2.0 * BLOCKED
+
+
+def test_time_scaling_makes_each_individual_just_keep_its_limits(wrist: Problem) -> None:
+    """s = max(|v| / v_max, sqrt(|a| / a_max)), the peaks by the roots of numpy's polynomials."""
+    scaling = TimeScaling(wrist)
+    xs = np.array([random_x(wrist, seed) for seed in range(20)])
+    scaled = scaling.apply(xs)
+    for x, s, faster in zip(xs, scaling.factors(xs), scaled, strict=True):
+        curve = polynomials(wrist, x)
+        share = 0.0
+        for segment, T in zip(curve.segments, curve.durations, strict=True):
+            for p, v_max, a_max in zip(segment, V_MAX, A_MAX, strict=True):
+                for derivative, bound, power in ((p.deriv(), v_max, 1.0), (p.deriv(2), a_max, 0.5)):
+                    inner = [r.real for r in derivative.deriv().roots() if 0.0 < r.real < T]
+                    peak = max(abs(derivative(t)) for t in (0.0, *inner, T))
+                    share = max(share, (peak / bound) ** power)
+        assert s == approx(share, rel=1e-9)
+        meant = wrist.dilate(x, s * (1.0 + 1e-9))
+        if (meant >= wrist.lower).all() and (meant <= wrist.upper).all():
+            again = polynomials(wrist, faster)
+            ratio = max(
+                np.abs(again.at(1, 2001) / V_MAX).max(), np.sqrt(np.abs(again.at(2, 2001) / A_MAX).max())
+            )  # fmt: skip
+            assert ratio == approx(1.0, abs=1e-5)
+    assert (scaled >= wrist.lower).all() and (scaled <= wrist.upper).all()
+
+
+def test_time_scaling_needs_a_problem_that_scales(wrist: Problem) -> None:
+    with pytest.raises(InputError, match="leave the scaling out"):
+        TimeScaling(replace(wrist, dilate=None))
+
+
+def test_auxiliary_variables_take_no_part_in_a_population(wrist: Problem) -> None:
+    """The least clearance asked for is no gene of the fitness: it stays at the least."""
+    solution = GA(seed=1, population=40, generations=8, scaling=True).solve(wrist, FITNESS)
+    assert solution.x[9] == 0.0 and solution.audit is not None and solution.audit.proved
 
 
 def test_a_saved_trajectory_is_audited_again(wrist: Problem, tmp_path: Path) -> None:
