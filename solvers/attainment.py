@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ class Refined:
         better: points that were refined.
         failed: points whose NLP gave nothing proved.
         interrupted: whether Ctrl-C ended it; the points not reached are as they were.
+        seconds: spent.
     """
 
     xs: list[Array]
@@ -45,7 +46,7 @@ class Refined:
     better: int = 0
     failed: int = 0
     interrupted: bool = False
-    seconds: float = field(default=0.0)
+    seconds: float = 0.0
 
 
 def weights(f: Array) -> Array:
@@ -61,7 +62,7 @@ def weights(f: Array) -> Array:
 
 
 def well_spaced(f: Array, count: int) -> NDArray[np.intp]:
-    """Indices of ``count`` points of ``f (N, objectives)``: the best of each objective, then the farthest from these."""
+    """Indices of ``count`` points of ``f (N, objectives)``: the best of each objective, then the farthest away."""
     if len(f) <= count:
         return np.arange(len(f))
     extent = np.ptp(f, axis=0)
@@ -97,34 +98,45 @@ def refine(
         progress: told after each point.
         clock: in seconds.
     """
-    begun = clock()
-    points, audits = slow_down(problem, xs)
-    signs = np.array([1.0 if problem.objective(name).sense == "min" else -1.0 for name in objectives])
-    f = np.array([_values(problem, objectives, x) for x in points]).reshape(len(points), len(objectives)) * signs
-    w, found = weights(f) if len(f) else f, Refined(list(points))
-    neighbour: Solution | None = None
+    begun, found = clock(), Refined([np.asarray(x, dtype=float) for x in xs])
     try:
-        for done, i in enumerate(np.lexsort(f.T[::-1]).tolist()):  # along the front
-            if clock() >= deadline:
-                break
-            goal = GoalAttainment(
-                dict(zip(objectives, (f[i] * signs).tolist(), strict=True)),
-                dict(zip(objectives, w[i].tolist(), strict=True)),
-            )
-            solution = _solved(problem, goal, points[i], solver, neighbour, found)
-            if solution is None:
-                found.failed += 1
-            else:
-                neighbour = solution
-                reached = np.array([solution.objectives[name] for name in objectives]) * signs
-                if not audits[i].proved or ((reached <= f[i]).all() and (reached < f[i]).any()):
-                    found.xs[i] = solution.x
-                    found.better += 1
-            progress(done + 1, len(points), f"{found.better} refined")
+        _refine(problem, tuple(objectives), found, solver, deadline, progress, clock)
     except KeyboardInterrupt:
         found.interrupted = True
     found.seconds = clock() - begun
     return found
+
+
+def _refine(
+    problem: Problem, objectives: tuple[str, ...], found: Refined, solver: Exchange, deadline: float,
+    progress: Progress, clock: Callable[[], float],
+) -> None:  # fmt: skip
+    """Refines the points of ``found`` in place, neighbour after neighbour."""
+    if not found.xs:
+        return
+    points, audits = slow_down(problem, found.xs)
+    found.xs[:] = points
+    signs = np.array([1.0 if problem.objective(name).sense == "min" else -1.0 for name in objectives])
+    f = np.array([_values(problem, objectives, x) for x in points]) * signs
+    w = weights(f)
+    neighbour: Solution | None = None
+    for done, i in enumerate(np.lexsort(f.T[::-1]).tolist()):  # along the front
+        if clock() >= deadline:
+            return
+        goal = GoalAttainment(
+            dict(zip(objectives, (f[i] * signs).tolist(), strict=True)),
+            dict(zip(objectives, w[i].tolist(), strict=True)),
+        )
+        solution = _solved(problem, goal, points[i], solver, neighbour, found)
+        if solution is None:
+            found.failed += 1
+        else:
+            neighbour = solution
+            reached = np.array([solution.objectives[name] for name in objectives]) * signs
+            if not audits[i].proved or ((reached <= f[i]).all() and (reached < f[i]).any()):
+                found.xs[i] = solution.x
+                found.better += 1
+        progress(done + 1, len(points), f"{found.better} refined")
 
 
 def _solved(

@@ -1,8 +1,8 @@
 """Controlled elitism: how much of the next generation each rank may be. Deb and Goel (2001), EMO 2001, LNCS 1993.
 
-Of N places the first rank gets at most a fraction p, the Pareto fraction; the others get shares that fall geometrically,
-p (1 - p)^(i - 1) N for rank i, which is the published law with ratio r = 1 - p and no end of ranks. What a rank does
-not need passes to the next one.
+Of N places the first rank gets at most a fraction p, the Pareto fraction; the others get shares that fall
+geometrically, p (1 - p)^(i - 1) N for rank i, which is the published law with ratio r = 1 - p and no end of ranks. What
+a rank does not need passes to the next one.
 """
 
 from __future__ import annotations
