@@ -49,16 +49,14 @@ class Refined:
     seconds: float = 0.0
 
 
-def weights(f: Array) -> Array:
+def weights(f: Array, scales: Array) -> Array:
     """Weights ``(N, objectives)`` of the points of a front ``f (N, objectives)``, less is better: nadir - f.
 
-    None is below ``LEAST`` of the front's range; where the front has no extent, all are 1.
+    None is below ``LEAST`` of the front's range; where the front has no extent they are the objective's scale.
     """
     nadir = f.max(axis=0)
     extent = nadir - f.min(axis=0)
-    extent = np.where(extent > 0.0, extent, 1.0)
-    flat = nadir == f.min(axis=0)
-    return np.where(flat, 1.0, np.maximum(nadir - f, LEAST * extent))
+    return np.where(extent > 0.0, np.maximum(nadir - f, LEAST * extent), scales)
 
 
 def well_spaced(f: Array, count: int) -> NDArray[np.intp]:
@@ -81,6 +79,7 @@ def refine(
     objectives: Sequence[str],
     xs: Sequence[Array],
     solver: Exchange,
+    among: Sequence[Array] = (),
     deadline: float = np.inf,
     progress: Progress = silent,
     clock: Callable[[], float] = time.perf_counter,
@@ -94,13 +93,14 @@ def refine(
         objectives: traded.
         xs: decision vectors ``(n,)``.
         solver: of each NLP; it begins with the instants at which its neighbour's ended.
+        among: other points of the front, which stay as they are; with these the nadir is that of the whole front.
         deadline: on the clock; points not reached by then stay as they are.
         progress: told after each point.
         clock: in seconds.
     """
     begun, found = clock(), Refined([np.asarray(x, dtype=float) for x in xs])
     try:
-        _refine(problem, tuple(objectives), found, solver, deadline, progress, clock)
+        _refine(problem, tuple(objectives), found, solver, list(among), deadline, progress, clock)
     except KeyboardInterrupt:
         found.interrupted = True
     found.seconds = clock() - begun
@@ -108,8 +108,8 @@ def refine(
 
 
 def _refine(
-    problem: Problem, objectives: tuple[str, ...], found: Refined, solver: Exchange, deadline: float,
-    progress: Progress, clock: Callable[[], float],
+    problem: Problem, objectives: tuple[str, ...], found: Refined, solver: Exchange, among: list[Array],
+    deadline: float, progress: Progress, clock: Callable[[], float],
 ) -> None:  # fmt: skip
     """Refines the points of ``found`` in place, neighbour after neighbour."""
     if not found.xs:
@@ -117,8 +117,9 @@ def _refine(
     points, audits = slow_down(problem, found.xs)
     found.xs[:] = points
     signs = np.array([1.0 if problem.objective(name).sense == "min" else -1.0 for name in objectives])
-    f = np.array([_values(problem, objectives, x) for x in points]) * signs
-    w = weights(f)
+    scales = np.array([problem.objective(name).scale for name in objectives])
+    f = np.array([_values(problem, objectives, x) for x in (*points, *among)]) * signs
+    w, f = weights(f, scales), f[: len(points)]
     neighbour: Solution | None = None
     for done, i in enumerate(np.lexsort(f.T[::-1]).tolist()):  # along the front
         if clock() >= deadline:

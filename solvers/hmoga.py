@@ -30,7 +30,7 @@ from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.solvers.attainment import refine, well_spaced
 from ocp_traj.solvers.elitism import ControlledElitism
-from ocp_traj.solvers.evolution import Vectorised, evolve
+from ocp_traj.solvers.evolution import WORST, Vectorised, evolve
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
 from ocp_traj.solvers.generations import Watch
@@ -53,7 +53,8 @@ class HMOGA:
 
     Attributes:
         seed: of everything random.
-        points: how many of the genetic front are refined at most, those that lie farthest apart.
+        points: how many of the genetic front are refined at most, those that lie farthest apart, its ends
+            among them.
         population, generations: their numbers.
         crossover: probability of a pair.
         mutation: probability of a variable; 1/n if not given.
@@ -144,14 +145,15 @@ class HMOGA:
             "evolution seconds": run.seconds,
             "history": {"generation": list(range(1, len(watch.rows) + 1)), **watch.history.to_dict("list")},
         }
-        genetic = _inside(target, run.best)
+        genetic = [x for x in _inside(target, run.best) if not any(np.array_equal(x, end) for end in ends.xs)]
         if run.interrupted:
             return self._merged([*ends.xs, *genetic], begun, info, True)
-        # Nothing feasible in the last generation: the ends themselves are what is refined.
-        candidates = genetic or list(ends.xs)
-        f = target.population.evaluate(np.array(candidates)).objectives * target.signs
-        chosen = [candidates[i] for i in well_spaced(f, self.points)]
-        refined = refine(problem, objectives, chosen, self.solver, begun + self.max_seconds, self.progress)
+        # The ends solve an NLP already: goal attainment has nothing to give them.
+        among = list(ends.xs)
+        f = target.population.evaluate(np.array([*among, *genetic])).objectives * target.signs
+        chosen = [genetic[i - len(among)] for i in well_spaced(f, self.points) if i >= len(among)]
+        chosen += _least_broken(algorithm.pop, self.points - len(among) - len(chosen))
+        refined = refine(problem, objectives, chosen, self.solver, among, begun + self.max_seconds, self.progress)
         info |= {
             "genetic front": len(genetic),
             "points to refine": len(chosen),
@@ -191,6 +193,13 @@ def _inside(target: Vectorised, xs: Array) -> list[Array]:
     if not len(xs):
         return []
     return list(xs[(target.population.evaluate(xs).objectives * target.signs <= target.worst).all(axis=1)])
+
+
+def _least_broken(pop: Any, count: int) -> list[Array]:
+    """The ``count`` individuals that break limits least: what is refined where feasible ones are too few."""
+    violation = np.ravel(pop.get("excess").astype(float))
+    order = [i for i in np.argsort(violation, kind="stable") if 0.0 < violation[i] < WORST]
+    return [np.array(pop[i].X, dtype=float) for i in order[: max(count, 0)]]
 
 
 def _box(target: Vectorised, ends: Array) -> Array | None:

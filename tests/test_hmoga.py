@@ -100,7 +100,7 @@ def test_the_hypervolume_of_a_generation_is_that_within_the_box() -> None:
         ([300, 100], [100, 100]),
         ([150, 250], [70, 130]),
         ([100, 100, 100, 100], [70, 81, 30, 19]),  # shares 70, 45.5, 29.575, 19.2; the tail of 36 to the second rank
-        ([30, 170, 200], [30, 141, 29]),  # 30, 40 + 45.5, 29.9; the tail of 56 to the second rank
+        ([30, 170, 200], [30, 140, 30]),  # 30, 40 + 45.5, 0.5 + 29.575; the tail of 55 to the second rank
     ],
 )
 def test_places_of_ranks(sizes: list[int], expected: list[int]) -> None:
@@ -158,8 +158,9 @@ def test_those_that_break_a_limit_come_last_and_the_least_broken_first() -> None
 
 def test_weights_are_the_distance_to_the_nadir_and_never_zero() -> None:
     f = np.array([[1.0, 30.0], [2.0, 20.0], [5.0, 10.0]])
-    assert_allclose(weights(f), [[4.0, 20.0 * LEAST], [3.0, 10.0], [4.0 * LEAST, 20.0]], rtol=1e-14)
-    assert weights(f[:1]).tolist() == [[1.0, 1.0]]
+    scales = np.array([2.0, 7.0])
+    assert_allclose(weights(f, scales), [[4.0, 20.0 * LEAST], [3.0, 10.0], [4.0 * LEAST, 20.0]], rtol=1e-14)
+    assert weights(f[:1], scales).tolist() == [[2.0, 7.0]]  # no front to speak of
 
 
 def test_well_spaced_points_hold_the_ends_and_are_evenly_apart() -> None:
@@ -170,18 +171,18 @@ def test_well_spaced_points_hold_the_ends_and_are_evenly_apart() -> None:
     assert_array_equal(well_spaced(f, 41), np.arange(41))
 
 
-def test_refinement_worsens_no_point_and_betters_a_slow_one(hybrid: Problem, fastest: Solution) -> None:
-    """A dilated time-optimum is far from any front; the time-optimum itself can only stay or lose energy."""
+def test_refinement_worsens_no_point_and_betters_slow_ones(hybrid: Problem, fastest: Solution) -> None:
+    """A dilated time-optimum is far from the front: there is something to be had in both objectives."""
     assert hybrid.dilate is not None
-    slow = np.asarray(hybrid.dilate(fastest.x, 1.5))
-    before = values(hybrid, [slow, fastest.x], PAIR)
-    found = refine(hybrid, PAIR, [slow, fastest.x], Exchange())
+    slow = [np.asarray(hybrid.dilate(fastest.x, s)) for s in (1.5, 2.0)]
+    before = values(hybrid, slow, PAIR)
+    others = [fastest.x, np.asarray(hybrid.dilate(fastest.x, 2.5))]
+    found = refine(hybrid, PAIR, slow, Exchange(), others)
     after = values(hybrid, found.xs, PAIR)
-    assert (after <= before * (1.0 + 1e-12)).all()
-    assert (after[0] < before[0] * 0.99).all()
+    assert (after < before * 0.99).all()
     front = Front.of(hybrid, PAIR, found.xs, method="", seed=None, seconds=0.0)
     assert front.info["dropped"]["violated"] == front.info["dropped"]["undecided"] == 0
-    assert (found.better, found.failed, found.interrupted) == (int((after < before).any(axis=1).sum()), 0, False)
+    assert (found.better, found.failed, found.interrupted) == (2, 0, False)
 
 
 def test_where_no_point_can_be_better_all_stay_bit_by_bit() -> None:
@@ -249,20 +250,20 @@ def test_refinement_adds_to_the_hypervolume_of_the_last_generation(front: Front)
     assert front.hypervolume().value > history["hypervolume"][-1]
 
 
-def test_the_history_has_a_row_a_generation(front: Front, hybrid: Problem) -> None:
+def test_the_history_has_a_row_a_generation(front: Front) -> None:
     history = front.info["history"]
     assert list(history) == ["generation", "evaluations", "front", "spread", "average distance", "hypervolume"]
     assert history["generation"] == list(range(1, 21))
     assert history["evaluations"] == [40 * i for i in range(1, 21)]
     assert max(history["front"][1:]) <= 14  # 0.35 of 40
-    assert history["hypervolume"][-1] > history["hypervolume"][0] > 0.0
+    assert all(0.0 < value < 1.0 for value in history["hypervolume"])
     json.dumps(front.info)
     assert "migration" in front.info["cannot act"]
 
 
 def test_it_says_that_not_all_of_the_genetic_front_was_refined(front: Front) -> None:
-    assert front.info["points to refine"] == 5 < front.info["genetic front"]
-    words = f"5 points of the genetic front's {front.info['genetic front']} were to be refined; --points refines more"
+    assert front.info["points to refine"] == 3 < front.info["genetic front"]  # five with the ends
+    words = f"3 points of the genetic front's {front.info['genetic front']} were to be refined; --points refines more"
     assert words in list(screen.front_remarks(front))
 
 
