@@ -1,8 +1,9 @@
-"""Refinement of a front's points by goal attainment: min gamma subject to F(x) - w gamma <= goal; Gembicki (1974).
+"""Refinement of a front's points by goal attainment: min gamma subject to F(x) - w gamma <= goal.
 
 The goal is the point's own F and w its distance to the front's nadir, so that the point moves along the ray from the
 nadir through itself: one at an end of the front moves in that end's objective, one in the middle in all of them, and
-points that were apart stay apart. With gamma = 0 attained at the start, nothing can get worse.
+points that were apart stay apart. A proved point attains its goal with gamma = 0, so it need never get worse.
+Gembicki and Haimes (1975), IEEE Trans. Autom. Control 20(6).
 """
 
 from __future__ import annotations
