@@ -5,9 +5,11 @@ the front, the local solver takes them down onto it. Both fronts are merged and 
 
 Of Table 4: 200 individuals, tournaments of two, crossover 0.8, Pareto fraction 0.35, at most 500 generations, stall of
 the spread over 500 generations with tolerance 1e-6, and 1e-6 on the constraints (of a generation: what is returned is
-proved, with nothing overlooked). With a stall as long as the run itself the spread cannot end it; with a shorter
-one, ``function_tolerance`` has to be larger too: on hybrid-spline (time, energy; seed 0) the spread still changes by
-5e-4 a generation on average from the 51st to the 100th. Its migration cannot act with one population, and its parallel evaluation changes nothing of the result.
+proved, with nothing overlooked).
+
+With a stall as long as the run itself the spread cannot end it; with a shorter one ``function_tolerance`` has to be
+larger too: on hybrid-spline (time, energy; seed 0) the spread still changes by 5e-4 a generation on average from the
+51st to the 100th. Migration cannot act with one population; parallel evaluation changes nothing of the result.
 
 Where the table says "constraint dependent" it names no method. Here the first generation holds the ends of the front,
 found and proved by the local solver, and points between and around them; then SBX and polynomial mutation follow.
