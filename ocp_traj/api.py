@@ -23,6 +23,7 @@ from ocp_traj.solvers.branch_and_bound import BranchAndBound, is_certifiable, re
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
 from ocp_traj.solvers.ga import GA
+from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.nsga2 import NSGA2
@@ -34,7 +35,7 @@ from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import trajectory
 
-FRONT_METHODS: dict[str, type[Any]] = {"trace": FrontTracer, "nsga2": NSGA2, "mopso": MOPSO}
+FRONT_METHODS: dict[str, type[Any]] = {"trace": FrontTracer, "nsga2": NSGA2, "mopso": MOPSO, "hmoga": HMOGA}
 METHODS = tuple(FRONT_METHODS)
 POPULATION_METHODS: dict[str, type[Any]] = {"pso": PSO, "ga": GA}
 SOLVE_METHODS = ("exchange", *POPULATION_METHODS)

@@ -163,7 +163,9 @@ def pareto(
     objectives: Annotated[str, typer.Option(metavar="A,B[,..]", help="Objectives to trade.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN", help="Folder to write the run to.")],
     method: Annotated[str, typer.Option(help=f"One of: {', '.join(api.METHODS)}.")] = "trace",
-    points: Annotated[int | None, typer.Option(help="Points to trace; 40 if not given.", min=2)] = None,
+    points: Annotated[
+        int | None, typer.Option(help="Points to trace, or of hmoga to refine; 40 if not given.", min=2)
+    ] = None,
     population: Population = None,
     generations: Generations = None,
     set_: Fields = None,

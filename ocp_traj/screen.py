@@ -331,6 +331,9 @@ def front_remarks(front: Front) -> Iterator[str]:
     """What a reader of a front should not overlook."""
     if front.info.get("conflict") is False:
         yield f"{' and '.join(front.objectives)} do not conflict here: one trajectory is best in both"
+    refined, known = front.info.get("points to refine", 0), front.info.get("genetic front", 0)
+    if refined < known:
+        yield f"{refined} points of the genetic front's {known} were to be refined; --points refines more"
     for name, other in front.info.get("alternatives", {}).items():
         beyond = other["points not dominated by the chosen front"]
         if name != front.info.get("alternative") and beyond:

@@ -7,7 +7,7 @@ dilation to mend.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,6 +42,7 @@ class Vectorised(PymooProblem):  # type: ignore[misc]  # pymoo is untyped
     Attributes:
         handling: of constraints, one of ``HANDLING``.
         weight: of ``penalty``, in units of the objectives' scales.
+        tolerance: excess of a limit, in its scale, that is overlooked.
         seconds, calls, individuals: spent on evaluation.
         last: the individuals of the last call, their first objective and sums of excesses.
     """
@@ -49,10 +50,11 @@ class Vectorised(PymooProblem):  # type: ignore[misc]  # pymoo is untyped
     def __init__(
         self, problem: Problem, objectives: Sequence[str], per_segment: int,
         handling: str = "feasibility", weight: float = 1e3, refine: bool = False, scaling: bool = False,
+        tolerance: float = 0.0,
     ) -> None:  # fmt: skip
         if handling not in HANDLING:
             raise InputError(f"constraint handling is {handling!r}; allowed are {', '.join(HANDLING)}")
-        self.handling, self.weight = handling, weight
+        self.handling, self.weight, self.tolerance = handling, weight, tolerance
         self.last: tuple[Array, Array, Array] = (np.empty((0, problem.size)), np.empty(0), np.empty(0))
         self.population = Population(problem, objectives, per_segment, refine)
         self.scaling = TimeScaling(problem) if scaling else None
@@ -93,7 +95,7 @@ class Vectorised(PymooProblem):  # type: ignore[misc]  # pymoo is untyped
         broken = ~np.isfinite(f).all(axis=1)
         g[broken] = WORST
         f = np.where(np.isfinite(f), f, WORST)
-        g = np.clip(np.where(np.isnan(g), WORST, g), -WORST, WORST)
+        g = np.clip(np.where(np.isnan(g), WORST, g - self.tolerance), -WORST, WORST)
         excess = np.maximum(g, 0.0).sum(axis=1)
         if self.handling == "feasibility":
             out["G"] = g
@@ -135,7 +137,7 @@ class Evolution:
 
 def evolve(
     algorithm: Any, target: Vectorised, generations: int, seed: int, max_seconds: float, progress: Progress,
-    before: Any = None,
+    before: Any = None, after: Callable[[Any], bool] | None = None,
 ) -> Evolution:  # fmt: skip
     """Runs a pymoo algorithm for some generations, or some time; Ctrl-C ends it early with what it has.
 
@@ -147,6 +149,7 @@ def evolve(
         max_seconds: stop after the generation that passes this.
         progress: told after each generation.
         before: called with the algorithm and the number of the generation before it.
+        after: called with the algorithm after each generation; the run ends where it says so.
     """
     begun = time.perf_counter()
     algorithm.setup(target, termination=("n_gen", generations), seed=seed, verbose=False)
@@ -164,7 +167,10 @@ def evolve(
                 least = float(f[met].min())
                 champion = np.array(x[met][np.argmin(f[met])], dtype=float)
             rows.append((target.individuals, least, float(excess.min())))
+            over = after is not None and after(algorithm)
             progress(len(rows), generations, f"best {least:.6g}" if np.isfinite(least) else "nothing feasible yet")
+            if over:
+                break
     except KeyboardInterrupt:
         interrupted = True
     best = np.empty((0, target.problem_size))
