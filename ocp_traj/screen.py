@@ -203,8 +203,8 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
     units = {o.id: o.unit for o in problem.objectives}
     solved = solution.audit is not None
     variables = {name: block.tolist() for name, block in problem.unpack(solution.x).items()} if solved else {}
-    known = problem.figures is not None and solution.trajectory is not None
-    figures = problem.figures(solution.trajectory) if known else ()
+    found = solution.trajectory
+    figures = problem.figures(found) if problem.figures is not None and found is not None else ()
     data = {
         "problem": problem.id,
         "status": solution.status.value,

@@ -83,7 +83,7 @@ class Placement:
 
     def move(self, points: Array) -> Array:
         """Points ``(N, 3)`` of the part in the world [m]."""
-        return self.rotate(points) + np.array(self.origin)
+        return np.asarray(self.rotate(points) + np.array(self.origin))
 
 
 @dataclass(frozen=True, eq=False)

@@ -238,10 +238,10 @@ def _obstruction(machine: Robot, cut: Pieces, fit: Fit, case: Ogbemhe2019) -> st
         across = perpendicular(axis.ravel()) @ jz
         values.append(np.linalg.svd(np.concatenate([jp, across]), compute_uv=False)[-1])
     if min(values) < SINGULAR:
-        tag = int(np.argmin(values))
+        least = int(np.argmin(values))
         return (
-            f"tag {tag + 1} of {len(cut.tags)} is singular: the smallest singular value of its Jacobian is "
-            f"{values[tag]:.2g}, {SINGULAR:g} or more is needed; move the seam or change home"
+            f"tag {least + 1} of {len(cut.tags)} is singular: the smallest singular value of its Jacobian is "
+            f"{values[least]:.2g}, {SINGULAR:g} or more is needed; move the seam or change home"
         )
     return ""
 

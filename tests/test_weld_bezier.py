@@ -1,0 +1,174 @@
+"""The welding robot and its problem: pinocchio and plain geometry judge what the package builds and solves."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+from ocp_traj import api, problems
+from ocp_traj.errors import InputError
+from ocp_traj.problems import kr90
+from ocp_traj.problems.weld_bezier import Ogbemhe2019, least_time, start
+from ocp_traj.seam import Placement, TubeSeam
+from ocp_traj.trajectory import Trajectory
+
+
+def tip(q: np.ndarray, riser: float) -> pin.SE3:
+    """The torch's tip by pinocchio's own kinematics."""
+    machine = kr90.robot(riser=riser)
+    data = machine.model.createData()
+    pin.forwardKinematics(machine.model, data, q)
+    return data.oMi[6] * machine.tool
+
+
+def bare_arm() -> pin.Model:
+    """The arm without its torch."""
+    model = pin.Model()
+    for i, (mass, centre, moments, axes) in enumerate(kr90.LINKS):
+        placement = kr90.robot().model.jointPlacements[i + 1]
+        model.addJoint(i, pin.JointModelRZ(), placement, f"A{i + 1}")
+        turn = pin.rpy.rpyToMatrix(*axes)
+        inertia = pin.Inertia(mass, np.array(centre), turn @ np.diag(moments) @ turn.T)
+        model.appendBodyToJoint(i + 1, inertia, pin.SE3.Identity())
+    return model
+
+
+# --- robot ---
+
+
+def test_home_puts_the_flange_where_the_dimensions_say() -> None:
+    """(0, -90, 90, 0, 0, 0) deg: 350 + 1400 + 215 mm out, 675 + 1350 - 41 mm up."""
+    machine = kr90.robot()
+    data = machine.model.createData()
+    pin.forwardKinematics(machine.model, data, np.radians([0.0, -90.0, 90.0, 0.0, 0.0, 0.0]))
+    flange = data.oMi[6] * pin.SE3(pin.rpy.rpyToMatrix(*kr90.FLANGE[0]), np.array(kr90.FLANGE[1]))
+    assert_allclose(flange.translation, [1.965, 0.0, 1.984], atol=1e-12)
+    assert_allclose(flange.rotation[:, 2], [1.0, 0.0, 0.0], atol=1e-12)
+
+
+def test_the_wrist_lies_where_the_tip_says_and_never_beyond_its_reach() -> None:
+    rng = np.random.default_rng(0)
+    low, high = np.radians(kr90.POSITION)
+    machine = kr90.robot(riser=0.6)
+    data, longest = machine.model.createData(), 0.0
+    straight = np.zeros((2001, 6))
+    straight[:, 1], straight[:, 2] = np.radians(-90.0), np.radians(np.linspace(-5.0, 5.0, 2001))
+    for q in [*rng.uniform(low, high, (200, 6)), *straight]:
+        pin.forwardKinematics(machine.model, data, q)
+        pose = data.oMi[6] * machine.tool
+        wrist = pose.translation + pose.rotation @ kr90.wrist_from_tip()
+        other = q + np.array([0.0, 0.0, 0.0, 0.3, -0.7, 1.1])  # the wrist's joints do not move its centre
+        pin.forwardKinematics(machine.model, data, other)
+        moved = data.oMi[6] * machine.tool
+        assert_allclose(moved.translation + moved.rotation @ kr90.wrist_from_tip(), wrist, atol=1e-12)
+        out = np.array([np.cos(q[0]), -np.sin(q[0])]) @ wrist[:2] - kr90.SHOULDER[0]
+        longest = max(longest, float(np.hypot(out, wrist[2] - 0.6 - kr90.SHOULDER[1])))
+    assert longest <= kr90.REACH + 1e-12
+    assert longest == pytest.approx(kr90.REACH, rel=1e-6)
+
+
+def test_gravity_torques_of_the_bare_arm_stay_below_what_its_data_give() -> None:
+    """Largest static torques without load: 6290 N m on A2, arm straight out, and 1367 on A3."""
+    model = bare_arm()
+    data = model.createData()
+    low, high = np.radians(kr90.POSITION)
+    rng = np.random.default_rng(1)
+    found = np.max(
+        [np.abs(pin.computeGeneralizedGravity(model, data, q)) for q in rng.uniform(low, high, (4000, 6))], 0
+    )
+    assert 6100.0 < found[1] <= 6290.0
+    assert 1340.0 < found[2] <= 1367.5
+    assert found[0] < 1e-9
+
+
+# --- seam and start ---
+
+
+def test_the_fit_puts_the_torch_on_the_seam() -> None:
+    case = Ogbemhe2019()
+    begun = start(case)
+    seam = TubeSeam(0.15, 0.09, np.radians(60), (-np.pi / 2, np.pi / 2), Placement((2.05, 0.0, 1.0), np.pi))
+    assert seam.length == pytest.approx(0.3372, abs=5e-5)
+    tags = seam.at(np.linspace(0.0, seam.length, 9))
+    for state, place, axis in zip(begun.fit.states, tags.position, tags.axis, strict=True):
+        pose = tip(state[0], 0.6)
+        assert np.linalg.norm(pose.translation - place) < 1e-4
+        assert np.degrees(np.arccos(min(1.0, float(pose.rotation[:, 2] @ axis)))) < 1.0
+
+
+def test_the_limits_up_to_snap_rule_a_move_from_rest_to_rest() -> None:
+    """1, 10 and 60 deg of A3 alone: 622.533 d / T^4 <= 95 deg/s4 is the last to hold, (1.60, 2.84, 4.45) s."""
+    for degrees in (1.0, 10.0, 60.0):
+        a, b = np.zeros((5, 6)), np.zeros((5, 6))
+        b[0, 2] = np.radians(degrees)
+        found = least_time(a, b, Ogbemhe2019())
+        exact = (622.533 * degrees / 95.0) ** 0.25
+        assert exact <= found <= 1.03 * exact
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"origin": (4.0, 0.0, 1.0)}, r"tag \d of 9 is out of reach"),
+        ({"case": "weld"}, "allowed are seam, air-move"),
+        ({"rest_at_tags": True}, "for case air-move"),
+        ({"tags": 1}, "give 2 to 40"),
+        ({"psi": 0.0}, "psi is 0 deg"),
+        ({"weld_speed": 0.0}, "weld_speed is 0.0"),
+        ({"home": (0.0, -90.0, 100.0, 0.0, -60.0, 360.0)}, "home has A6 at 360.0 deg"),
+        ({"seam_file": "nowhere.csv"}, "no readable CSV file"),
+        ({"tags": 2, "phi": (-180.0, 180.0)}, "give more tags"),
+    ],
+)
+def test_what_cannot_be_welded_is_refused_with_the_reason(changes: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        problems.load("weld-bezier", **changes)
+
+
+# --- solutions ---
+
+
+def broken(motion: Trajectory) -> float:
+    """Largest share of Table 3 that a trajectory uses, by a scan of scipy's polynomials."""
+    worst, curve = 0.0, motion.curve.to_bpoly()
+    t = np.linspace(0.0, float(motion.curve.duration), 20001)
+    for order, table in enumerate((kr90.VELOCITY, kr90.ACCELERATION, kr90.JERK, kr90.SNAP), 1):
+        worst = max(worst, float((np.abs(curve.derivative(order)(t)) / np.radians(table)).max()))
+    return worst
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("rest", "seconds"), [(False, 4.23), (True, 7.06)])
+def test_the_quickest_air_move(rest: bool, seconds: float) -> None:
+    problem = problems.load("weld-bezier", case="air-move", rest_at_tags=rest)
+    solution = api.solve(problem, objective="air_time").require()
+    assert solution.audit is not None and solution.audit.proved
+    assert solution.objectives["air_time"] == pytest.approx(seconds, rel=0.01)
+    assert solution.trajectory is not None and broken(solution.trajectory) <= 1.0 + 1e-9
+
+
+@pytest.mark.slow
+def test_a_seam_is_welded_within_every_limit() -> None:
+    problem = problems.load("weld-bezier")
+    solution = api.solve(problem).require()
+    assert solution.audit is not None and solution.audit.proved
+    assert solution.objectives["air_time"] <= 7.5
+    motion = solution.trajectory
+    assert motion is not None and broken(motion) <= 1.0 + 1e-9
+    seam = TubeSeam(0.15, 0.09, np.radians(60), (-np.pi / 2, np.pi / 2), Placement((2.05, 0.0, 1.0), np.pi))
+    approach, weld = motion.curve.durations[0], seam.length / 0.008
+    t = np.linspace(0.0, weld, 400)
+    here = seam.at(np.minimum(0.008 * t, seam.length))
+    machine, off, tilt = problem.robot, [], []
+    data = machine.model.createData()
+    for q, place, axis in zip(motion.curve(approach + t), here.position, here.axis, strict=True):
+        pin.forwardKinematics(machine.model, data, q)
+        pose = data.oMi[6] * machine.tool
+        off.append(np.linalg.norm(pose.translation - place))
+        tilt.append(np.degrees(np.arccos(min(1.0, float(pose.rotation[:, 2] @ axis)))))
+    assert np.sqrt(np.mean(np.square(off))) <= 0.03e-3
+    assert max(off) <= 0.5e-3
+    assert max(tilt) <= 5.0
+    assert problem.figures is not None
+    figures = {name: value for name, value, _ in problem.figures(motion)}
+    assert figures["tip off the seam, rms"] == pytest.approx(1e3 * np.sqrt(np.mean(np.square(off))), rel=0.05)
