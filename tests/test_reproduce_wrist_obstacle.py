@@ -101,7 +101,7 @@ def test_without_limits_time_is_its_bound(found: Reproduction) -> None:
 def test_the_genetic_algorithm_stands_beside_ipopt(found: Reproduction) -> None:
     (title,) = [title for title in found.extra if title.startswith("Genetic algorithm")]
     table = found.extra[title].set_index("method")
-    assert "on 1 seed," in title and len(table) == 3
+    assert "on 1 seed," in title and len(table) == 4
     ipopt = table.loc["IPOPT with exchange, one start"]
     assert ipopt["median gap"] == approx(0.0, abs=1e-7)
     genetic = table.drop(index="IPOPT with exchange, one start")
