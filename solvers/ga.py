@@ -22,7 +22,7 @@ from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.scalarise import Scalarisation
-from ocp_traj.solvers.evolution import Evolution, Vectorised, evolve, single_objective, solution_of
+from ocp_traj.solvers.evolution import Evolution, Vectorised, evolve, require_sizes, single_objective, solution_of
 
 Array = NDArray[np.float64]
 
@@ -81,11 +81,7 @@ class GA:
 
     def __post_init__(self) -> None:
         """Checks the numbers and names."""
-        if self.population < 4 or self.generations < 1:
-            raise InputError(
-                f"a population needs 4 or more individuals and 1 or more generations; "
-                f"got {self.population}, {self.generations}"
-            )
+        require_sizes(self.population, self.generations)
         if self.handling not in ("feasibility", "death"):
             raise InputError(f"constraint handling is {self.handling!r}; allowed for ga are feasibility, death")
 

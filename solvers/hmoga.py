@@ -33,7 +33,7 @@ from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.solvers.attainment import refine, well_spaced
 from ocp_traj.solvers.elitism import ControlledElitism
-from ocp_traj.solvers.evolution import WORST, Vectorised, evolve
+from ocp_traj.solvers.evolution import WORST, Vectorised, evolve, require_sizes
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
 from ocp_traj.solvers.generations import Watch
@@ -95,11 +95,7 @@ class HMOGA:
 
     def __post_init__(self) -> None:
         """Checks the numbers."""
-        if self.population < 4 or self.generations < 1:
-            raise InputError(
-                f"hmoga needs a population of 4 or more and 1 or more generations; "
-                f"got {self.population}, {self.generations}"
-            )
+        require_sizes(self.population, self.generations)
         if not 0.0 < self.pareto_fraction <= 1.0:
             raise InputError(f"the Pareto fraction is {self.pareto_fraction}; give a number above 0, at most 1")
         if not 0.0 <= self.seeded <= 1.0:

@@ -19,7 +19,7 @@ from pymoo.core.sampling import Sampling
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
-from ocp_traj.solvers.evolution import Vectorised, evolve, front_of
+from ocp_traj.solvers.evolution import Vectorised, evolve, front_of, require_sizes
 from ocp_traj.solvers.pareto_set import ParetoSet
 
 Array = NDArray[np.float64]
@@ -75,10 +75,7 @@ class MOPSO:
 
     def __post_init__(self) -> None:
         """Checks the numbers and names."""
-        if self.population < 4 or self.generations < 1:
-            raise InputError(
-                f"a swarm needs 4 or more particles and 1 or more iterations; got {self.population}, {self.generations}"
-            )
+        require_sizes(self.population, self.generations)
         if self.variant not in VARIANTS:
             raise InputError(f"there is no variant {self.variant!r} of mopso; variants are {', '.join(VARIANTS)}")
 

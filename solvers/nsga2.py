@@ -14,10 +14,9 @@ from pymoo.algorithms.moo.nsga2 import NSGA2 as PymooNSGA2
 from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.pm import PM
 
-from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
-from ocp_traj.solvers.evolution import Vectorised, evolve, front_of
+from ocp_traj.solvers.evolution import Vectorised, evolve, front_of, require_sizes
 from ocp_traj.solvers.pareto_set import ParetoSet
 
 
@@ -48,11 +47,7 @@ class NSGA2:
 
     def __post_init__(self) -> None:
         """Checks the numbers."""
-        if self.population < 4 or self.generations < 1:
-            raise InputError(
-                f"NSGA-II needs a population of 4 or more and 1 or more generations; "
-                f"got {self.population}, {self.generations}"
-            )
+        require_sizes(self.population, self.generations)
 
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
         """The last generation's non-dominated feasible individuals; Ctrl-C ends it early with those it has."""

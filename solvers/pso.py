@@ -21,7 +21,7 @@ from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.scalarise import Scalarisation
-from ocp_traj.solvers.evolution import Evolution, Vectorised, evolve, single_objective, solution_of
+from ocp_traj.solvers.evolution import Evolution, Vectorised, evolve, require_sizes, single_objective, solution_of
 
 Array = NDArray[np.float64]
 
@@ -98,10 +98,7 @@ class PSO:
 
     def __post_init__(self) -> None:
         """Checks the numbers and names."""
-        if self.population < 2 or self.generations < 1:
-            raise InputError(
-                f"a swarm needs 2 or more particles and 1 or more iterations; got {self.population}, {self.generations}"
-            )
+        require_sizes(self.population, self.generations, 2)
         if self.schedule not in SCHEDULES:
             raise InputError(f"there is no schedule {self.schedule!r}; schedules are {', '.join(SCHEDULES)}")
         if self.handling not in ("feasibility", "penalty"):

@@ -75,7 +75,7 @@ def exact_time(problem: Problem, ratios: np.ndarray) -> float:
     return slow
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 6))])
 def test_the_optimum_of_random_problems_is_certified_and_no_random_ratio_is_better(seed: int) -> None:
     problem = small_problem(seed)
     found = BranchAndBound().solve(problem, TIME, np.ones(3))
@@ -87,7 +87,7 @@ def test_the_optimum_of_random_problems_is_certified_and_no_random_ratio_is_bett
         assert exact_time(problem, ratios) >= certificate.lower
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))])
 def test_bounds_of_boxes_are_below_every_time_in_them(seed: int) -> None:
     problem = small_problem(seed, position=0.5)
     best = BranchAndBound().solve(problem, TIME, np.ones(3))

@@ -340,7 +340,7 @@ def test_where_nothing_is_feasible_it_says_so() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"population": 3}, "population of 4 or more"),
+        ({"population": 3}, "4 or more individuals"),
         ({"generations": 0}, "1 or more generations"),
         ({"pareto_fraction": 0.0}, "Pareto fraction is 0.0"),
         ({"seeded": 1.5}, "seeded share is 1.5"),

@@ -133,7 +133,7 @@ def test_where_nothing_is_feasible_it_says_so() -> None:
 
 @pytest.mark.parametrize(("population", "generations"), [(3, 10), (10, 0)])
 def test_too_few_of_either_is_refused(population: int, generations: int) -> None:
-    message = f"population of 4 or more and 1 or more generations; got {population}, {generations}"
+    message = f"4 or more individuals and 1 or more generations; got {population}, {generations}"
     with pytest.raises(InputError, match=message):
         NSGA2(0, population=population, generations=generations)
 

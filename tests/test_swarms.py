@@ -97,13 +97,13 @@ def test_an_interrupted_run_keeps_its_best(rotor: Problem) -> None:
 @pytest.mark.parametrize(
     ("build", "words"),
     [
-        (lambda: PSO(population=1), "2 or more particles"),
+        (lambda: PSO(population=1), "2 or more individuals"),
         (lambda: PSO(schedule="fast"), "schedules are as_printed"),
         (lambda: PSO(handling="death"), "allowed for pso"),
         (lambda: GA(population=3), "4 or more"),
         (lambda: GA(handling="penalty"), "allowed for ga"),
         (lambda: MOPSO(0, variant="x"), "variants are"),
-        (lambda: MOPSO(0, population=2), "4 or more particles"),
+        (lambda: MOPSO(0, population=2), "4 or more individuals"),
     ],
 )
 def test_bad_settings_are_refused(build: Any, words: str) -> None:
