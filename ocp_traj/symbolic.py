@@ -6,7 +6,7 @@ states, mapped over instants: an NLP with other instants reuses all of them, and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,38 +15,59 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier, total_variation
+from ocp_traj.local_derivatives import Lifted
 from ocp_traj.problem import Objective, Problem
 from ocp_traj.requirements import ORDERS, derivative_order, state_function
 
 Array = NDArray[np.float64]
 
 
-Caller = Callable[..., Any]  # (function, arguments a column an instant) -> its values, a column an instant
-
-
-def mapped(function: Any, *arguments: Any) -> Any:
-    """A function at many instants."""
-    return function.map(arguments[0].shape[1])(*arguments)
-
-
 @dataclass(frozen=True, eq=False)
 class SymbolicCurve:
-    """A problem's curve at an MX vector x, called once and shared by everything built on it."""
+    """A problem's curve at an MX vector x, called once and shared by everything built on it.
+
+    With ``lifted`` it is symbols for that curve, and functions called on it are symbols for their values.
+    """
 
     problem: Problem
     x: Any
     durations: Any
     parameters: Any
     points: tuple[Any, ...]
+    lifted: Lifted | None = None
 
     @classmethod
-    def at(cls, problem: Problem, x: Any) -> SymbolicCurve:
+    def at(cls, problem: Problem, x: Any, lifted: Lifted | None = None) -> SymbolicCurve:
         """The curve's durations, parameters and control points as expressions of x ``(n,)``."""
-        durations, parameters, *points = curve_function(problem)(x)
-        return cls(problem, x, durations, parameters, tuple(points))
+        durations, parameters, *points = curve_function(problem)(x) if lifted is None else lifted.symbols
+        return cls(problem, x, durations, parameters, tuple(points), lifted)
+
+    def call(self, key: str, function: Any, segments: Sequence[int], u: Any, *rest: Any) -> Any:
+        """A function (states, ..) at instants ``(rows, N)``.
+
+        Args:
+            key: names the function, once and for all.
+            function: casadi SX Function (stacked derivatives ``(5 dof,)``, rest) -> ``(rows,)``.
+            segments: of each instant ``(N,)``.
+            u: local times, MX or DM ``(N,)``.
+            rest: further arguments, a column an instant.
+        """
+        if self.lifted is None:
+            return function.map(len(segments))(states_at(self, segments, u), *rest)
+        timed = self.problem.cached(f"timed {key}", lambda: _in_local_time(function, self.problem.requirements.dof))
+        durations = casadi.horzcat(*(self.durations[k] for k in segments))
+        return self.lifted(key, timed, states_at(self, segments, u, local=True), durations, *rest)
 
 
-def states_at(curve: SymbolicCurve, segments: Sequence[int], u: Any) -> Any:
+def _in_local_time(function: Any, dof: int) -> Any:
+    """Casadi SX Function (stacked derivatives in u, T, rest) -> function (stacked derivatives in time, rest)."""
+    states, duration = casadi.SX.sym("z", len(ORDERS) * dof), casadi.SX.sym("T")
+    rest = [casadi.SX.sym("r", function.size1_in(i)) for i in range(1, function.n_in())]
+    timed = [part / duration**order for order, part in enumerate(casadi.vertsplit(states, dof))]
+    return casadi.Function("timed", [states, duration, *rest], [function(casadi.vertcat(*timed), *rest)])
+
+
+def states_at(curve: SymbolicCurve, segments: Sequence[int], u: Any, local: bool = False) -> Any:
     """States of the curve at instants, as MX expressions.
 
     The curve's control points are one function of x and the states another of the control points, each compiled once
@@ -56,6 +77,7 @@ def states_at(curve: SymbolicCurve, segments: Sequence[int], u: Any) -> Any:
         curve: whose states.
         segments: of each instant ``(N,)``.
         u: local times, MX or DM ``(N,)``.
+        local: whether to differentiate in local time, not in time.
 
     Returns:
         stacked derivatives ``(5 dof, N)``.
@@ -66,9 +88,11 @@ def states_at(curve: SymbolicCurve, segments: Sequence[int], u: Any) -> Any:
     for degree in sorted({points[k].shape[0] - 1 for k in segments}):
         members = [i for i, k in enumerate(segments) if points[k].shape[0] - 1 == degree]
         flat = casadi.horzcat(*(casadi.vec(points[segments[i]]) for i in members))
-        times = casadi.horzcat(*(curve.durations[segments[i]] for i in members))
-        local = casadi.horzcat(*(u[i] for i in members))
-        columns.append(_segment_states(curve.problem, degree).map(len(members))(flat, times, local))
+        times = casadi.MX.ones(1, len(members))
+        if not local:
+            times = casadi.horzcat(*(curve.durations[segments[i]] for i in members))
+        instants = casadi.horzcat(*(u[i] for i in members))
+        columns.append(_segment_states(curve.problem, degree).map(len(members))(flat, times, instants))
         order += members
     together = casadi.horzcat(*columns)
     return together if order == sorted(order) else together[:, np.argsort(order).tolist()]
@@ -160,7 +184,7 @@ def variations(problem: Problem, names: Iterable[str]) -> tuple[Objective, ...]:
 
 
 def objective_values(
-    curve: SymbolicCurve, names: Iterable[str], given: Mapping[str, Any] | None = None, call: Caller = mapped
+    curve: SymbolicCurve, names: Iterable[str], given: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """MX expressions of the named objectives (and of the terms they sum); of total variations those ``given``."""
     problem = curve.problem
@@ -174,11 +198,13 @@ def objective_values(
             values[name] = variables_function(problem, objective)(curve.x)
         else:
             nodes, weights = quadrature(problem, objective)
-            states = states_at(curve, [k for k, _ in nodes], casadi.DM([u for _, u in nodes]))
-            shares = call(
+            u = casadi.DM([u for _, u in nodes])
+            shares = curve.call(
+                f"share of {name}",
                 _share_function(problem, objective),
-                states,
-                casadi.MX(casadi.DM([u for _, u in nodes]).T),
+                [k for k, _ in nodes],
+                u,
+                casadi.MX(u.T),
                 casadi.repmat(curve.parameters, 1, len(nodes)),
                 casadi.mtimes(casadi.DM(weights), curve.durations).T,
             )

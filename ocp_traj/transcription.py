@@ -21,11 +21,9 @@ from ocp_traj.problem import Objective, Problem
 from ocp_traj.requirements import PathConstraint, PointConstraint
 from ocp_traj.scalarise import Scalarisation, check_names
 from ocp_traj.symbolic import (
-    Caller,
     SymbolicCurve,
     curve_function,
     degrees,
-    mapped,
     objective_values,
     states_at,
     variations,
@@ -163,15 +161,15 @@ def transcribe(
         for objective in variations(problem, scalarisation.names)
     ]
     given = {s.objective.id: s.objective.scale * casadi.sum1(s.sizes) for s in steps}
-    lifted = Lifted() if problem.local_derivatives else None
-    call = lifted or mapped
-    values = objective_values(curve, dict.fromkeys((*scalarisation.names, *problem.regularisation)), given, call)
+    lifted = Lifted(curve_function(problem), problem.cached) if problem.local_derivatives else None
+    shape = SymbolicCurve.at(problem, x, lifted) if lifted else curve
+    values = objective_values(shape, dict.fromkeys((*scalarisation.names, *problem.regularisation)), given)
     scalar = scalarisation.apply(problem, values)
     traces = [w * values[name] / problem.objective(name).scale for name, w in problem.regularisation.items()]
     for limit in problem.requirements.path_constraints:
         members = [instant for instant in instants if instant.limit == limit.id]
         if members:
-            _path_rows(curve, limit, members, back_off, g, lower, upper, rows, call)
+            _path_rows(shape, limit, members, back_off, g, lower, upper, rows)
     for point in problem.requirements.point_constraints:
         if not point.structural:
             _point_rows(curve, point, g, lower, upper, rows)
@@ -196,7 +194,7 @@ def transcribe(
     own = [x, *extra, *(s.sizes for s in steps)]
     derivatives = lifted.derivatives(own, f, together) if lifted else None
     if lifted:
-        f, together = lifted.resolved([f, together])
+        f, together = lifted.resolved([f, together], x)
     return NLP(
         name=problem.id,
         x=casadi.vertcat(*own),
@@ -268,10 +266,10 @@ def _step_rows(
 
 def _path_rows(
     curve: SymbolicCurve, limit: PathConstraint, members: list[Instant], back_off: float,
-    g: list[Any], lower: list[float], upper: list[float], rows: list[Row], call: Caller,
+    g: list[Any], lower: list[float], upper: list[float], rows: list[Row],
 ) -> None:  # fmt: skip
     """Appends the rows of one path limit at its instants, scaled to order one."""
-    values = limit_values(curve, limit, members, call=call)
+    values = limit_values(curve, limit, members)
     scaled = values / casadi.DM(limit.scale)
     low, high = limit.lower / limit.scale + back_off, limit.upper / limit.scale - back_off
     entries = [(i, j) for j, m in enumerate(members) for i in (range(len(limit.labels)) if m.rows is None else m.rows)]
@@ -293,7 +291,6 @@ def limit_values(
     members: Sequence[Instant],
     u: Any = None,
     s: Any = None,
-    call: Caller = mapped,
 ) -> Any:
     """MX expression of a path limit at instants: ``(rows, instants)``.
 
@@ -301,18 +298,18 @@ def limit_values(
     """
     problem = curve.problem
     local = casadi.vertcat(*(_local_time(m, curve.x) for m in members)) if u is None else u
-    states = states_at(curve, [m.segment for m in members], local)
-    n = len(members)
-    if limit.order is not None:
+    segments, n = [m.segment for m in members], len(members)
+    if limit.order is not None and curve.lifted is None:
         dof = problem.requirements.dof
-        return states[limit.order * dof : (limit.order + 1) * dof, :]
-    constants = np.zeros((n, 0)) if limit.constants is None else limit.constants[[m.segment for m in members]]
+        return states_at(curve, segments, local)[limit.order * dof : (limit.order + 1) * dof, :]
+    constants = np.zeros((n, 0)) if limit.constants is None else limit.constants[segments]
     function = problem.requirements.function(limit)
     place = local.T
     if limit.sweep:
         along = casadi.vertcat(*(_along(m, curve.x) for m in members)) if s is None else s
         place = casadi.vertcat(place, along.T)
-    return call(function, states, place, casadi.repmat(curve.parameters, 1, n), casadi.MX(casadi.DM(constants.T)))
+    parameters, given = casadi.repmat(curve.parameters, 1, n), casadi.MX(casadi.DM(constants.T))
+    return curve.call(limit.id, function, segments, local, place, parameters, given)
 
 
 def _local_time(instant: Instant, x: Any) -> Any:
