@@ -1,8 +1,8 @@
 """Jacobian and Hessian of an NLP from the small ones of each instant.
 
 A limit or an integrand is a function V of few numbers Z at its instant. Written with derivatives in local time and the
-segment's duration, Z is linear in the curve's shape Y, its durations, parameters and control points: Z = A Y + b with
-constant A. With nu the gradient of the Lagrangian in Y,
+segment's duration, Z is linear in the curve's shape Y, its durations, parameters and control points (and the variables
+themselves): Z = A Y + b with constant A. With nu the gradient of the Lagrangian in Y,
 
     H = d2/dx2 (L with V held fixed + nu Y(x)) + (dY/dx)^T (sum A^T (d2/dZ2 of the Lagrangian) A) (dY/dx),
 

@@ -39,7 +39,7 @@ class SymbolicCurve:
     @classmethod
     def at(cls, problem: Problem, x: Any, lifted: Lifted | None = None) -> SymbolicCurve:
         """The curve's durations, parameters and control points as expressions of x ``(n,)``."""
-        durations, parameters, *points = curve_function(problem)(x) if lifted is None else lifted.symbols
+        durations, parameters, *points = curve_function(problem)(x) if lifted is None else lifted.symbols[:-1]
         return cls(problem, x, durations, parameters, tuple(points), lifted)
 
     def call(self, key: str, function: Any, segments: Sequence[int], u: Any, *rest: Any) -> Any:
@@ -121,6 +121,16 @@ def curve_function(problem: Problem) -> Any:
         return casadi.Function("curve", [x], outputs)
 
     return problem.cached("curve", build)
+
+
+def shape_function(problem: Problem) -> Any:
+    """Casadi SX Function x -> what ``curve_function`` gives, and x: all that the arguments at instants are linear in."""
+
+    def build() -> Any:
+        x = casadi.SX.sym("x", problem.size)
+        return casadi.Function("shape", [x], [*curve_function(problem).call([x]), x])
+
+    return problem.cached("shape", build)
 
 
 def degrees(problem: Problem) -> tuple[int, ...]:

@@ -25,6 +25,7 @@ from ocp_traj.symbolic import (
     curve_function,
     degrees,
     objective_values,
+    shape_function,
     states_at,
     variations,
 )
@@ -161,15 +162,19 @@ def transcribe(
         for objective in variations(problem, scalarisation.names)
     ]
     given = {s.objective.id: s.objective.scale * casadi.sum1(s.sizes) for s in steps}
-    lifted = Lifted(curve_function(problem), problem.cached) if problem.local_derivatives else None
+    lifted = Lifted(shape_function(problem), problem.cached) if problem.local_derivatives else None
     shape = SymbolicCurve.at(problem, x, lifted) if lifted else curve
     values = objective_values(shape, dict.fromkeys((*scalarisation.names, *problem.regularisation)), given)
     scalar = scalarisation.apply(problem, values)
     traces = [w * values[name] / problem.objective(name).scale for name, w in problem.regularisation.items()]
     for limit in problem.requirements.path_constraints:
         members = [instant for instant in instants if instant.limit == limit.id]
-        if members:
-            _path_rows(shape, limit, members, back_off, g, lower, upper, rows)
+        stay, move = [m for m in members if m.slope is None], [m for m in members if m.slope is not None]
+        # Of those that move, only derivatives of the joints themselves are lifted: other limits depend on too much.
+        lift_all = lifted is not None and limit.order is not None
+        for on, some in ((shape, stay), (shape if lift_all else curve, move)):
+            if some:
+                _path_rows(on, limit, some, back_off, g, lower, upper, rows)
     for point in problem.requirements.point_constraints:
         if not point.structural:
             _point_rows(curve, point, g, lower, upper, rows)
@@ -269,11 +274,13 @@ def _path_rows(
     g: list[Any], lower: list[float], upper: list[float], rows: list[Row],
 ) -> None:  # fmt: skip
     """Appends the rows of one path limit at its instants, scaled to order one."""
-    values = limit_values(curve, limit, members)
-    scaled = values / casadi.DM(limit.scale)
-    low, high = limit.lower / limit.scale + back_off, limit.upper / limit.scale - back_off
     entries = [(i, j) for j, m in enumerate(members) for i in (range(len(limit.labels)) if m.rows is None else m.rows)]
-    g.append(casadi.vec(scaled)[[i + j * len(limit.labels) for i, j in entries]])
+    if curve.lifted is not None and members[0].slope is not None:
+        values = _moving_derivatives(curve, limit, [(i, members[j]) for i, j in entries])
+    else:
+        values = casadi.vec(limit_values(curve, limit, members))[[i + j * len(limit.labels) for i, j in entries]]
+    low, high = limit.lower / limit.scale + back_off, limit.upper / limit.scale - back_off
+    g.append(values / casadi.DM([limit.scale[i] for i, _ in entries]))
     for i, j in entries:
         lower.append(low[i])
         upper.append(high[i])
@@ -283,6 +290,37 @@ def _path_rows(
                 sweep=members[j].sweep,
             )
         )  # fmt: skip
+
+
+def _moving_derivatives(curve: SymbolicCurve, limit: PathConstraint, entries: Sequence[tuple[int, Instant]]) -> Any:
+    """MX expression of a derivative of the joints, by (joint, instant that moves), on a lifted curve: ``(entries,)``."""
+    assert curve.lifted is not None and limit.order is not None
+    problem, x = curve.problem, curve.lifted.symbols[-1]
+    values, places = [], []
+    for degree in sorted({curve.points[m.segment].shape[0] - 1 for _, m in entries}):
+        some = [e for e, (_, m) in enumerate(entries) if curve.points[m.segment].shape[0] - 1 == degree]
+        slopes = np.array([entries[e][1].slope for e in some])
+        anchors = np.array([entries[e][1].anchor for e in some])
+        first = np.array([entries[e][1].u for e in some]) - (slopes * anchors).sum(axis=1)
+        points = casadi.horzcat(*(curve.points[entries[e][1].segment][:, entries[e][0]] for e in some))
+        durations = casadi.horzcat(*(curve.durations[entries[e][1].segment] for e in some))
+        moved = (casadi.mtimes(casadi.sparsify(casadi.DM(slopes)), x) + casadi.DM(first)).T
+        function = _moving_derivative(problem, degree, limit.order)
+        key = f"moving {limit.order} of degree {degree}"
+        values.append(curve.lifted(key, function, points, durations, moved))
+        places += some
+    return casadi.horzcat(*values)[np.argsort(places).tolist()].T
+
+
+def _moving_derivative(problem: Problem, degree: int, order: int) -> Any:
+    """Casadi SX Function (control points of one joint ``(n + 1,)``, T, u, clipped) -> its derivative in time."""
+
+    def build() -> Any:
+        points, duration, u = casadi.SX.sym("P", degree + 1), casadi.SX.sym("T"), casadi.SX.sym("u")
+        value = PiecewiseBezier(duration, (points,)).at(0, casadi.fmin(casadi.fmax(u, 0.0), 1.0), order)
+        return casadi.Function("moving_derivative", [points, duration, u], [value])
+
+    return problem.cached(f"moving derivative {degree} {order}", build)
 
 
 def limit_values(

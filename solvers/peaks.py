@@ -21,14 +21,18 @@ RACING = 1e3  # segments a peak moves when x doubles: it is so flat that an inst
 
 
 def peak_function(problem: Problem, limit: PathConstraint, members: Sequence[Instant]) -> Any:
-    """Casadi Function (x, u ``(N,)``) -> scaled values, g_u, g_uu ``(N,)``, g_ux ``(N, n)`` of one row an instant."""
+    """Casadi Function (x, u ``(N,)``) -> scaled values, g_u, g_uu ``(N,)``, g_ux ``(N, n)`` of one row an instant.
+
+    Where instants do not move g_ux is empty.
+    """
     x, u = casadi.MX.sym("x", problem.size), casadi.MX.sym("u", len(members))
     values = casadi.vec(limit_values(SymbolicCurve.at(problem, x), limit, members, u) / casadi.DM(limit.scale))
     rows = [(m.rows or (0,))[0] + j * len(limit.labels) for j, m in enumerate(members)]
     value = values[rows]
     gu = casadi.gradient(casadi.sum1(value), u)
     guu = casadi.gradient(casadi.sum1(gu), u)
-    return casadi.Function("peaks", [x, u], [value, gu, guu, casadi.densify(casadi.jacobian(gu, x))])
+    gux = casadi.densify(casadi.jacobian(gu, x)) if problem.instants_move else casadi.MX(len(members), 0)
+    return casadi.Function("peaks", [x, u], [value, gu, guu, gux])
 
 
 def follow(problem: Problem, limit: PathConstraint, members: Sequence[Instant], x: Array) -> list[Instant]:
