@@ -140,6 +140,7 @@ class Problem:
         default_objective: what ``solve`` minimises when not told.
         reference_point: per objective, the worst value worth having: it bounds a front and its hypervolume.
         starts: random starts of a local solver when not told how many.
+        stepping_stone: an objective that is easy to solve for from a guess; for any other, solvers begin at its optimum.
         instants: a segment, of a first grid of constraint exchange that stays; if not given, degree/2 + 1, at least 3,
             of which those far from their limits are dropped; or the local times of each limit, with none of those not
             named, which are looked at between solves only.
@@ -181,6 +182,7 @@ class Problem:
     default_objective: str = ""
     reference_point: Mapping[str, float] = field(default_factory=dict)
     starts: int = 1
+    stepping_stone: str = ""
     instants: int | Mapping[str, Sequence[float]] | None = None
     instants_move: bool = True
     rounds: int = 10
@@ -217,6 +219,8 @@ class Problem:
             raise ProblemDefinitionError(
                 f"{self.id}: default objective {self.default_objective!r} is not one of {names}"
             )
+        if self.stepping_stone not in ("", *names):
+            raise ProblemDefinitionError(f"{self.id}: stepping stone {self.stepping_stone!r} is not one of {names}")
         dof = self.curve(casadi.SX.sym("x", self.size)).dof
         if dof != self.requirements.dof:
             raise ProblemDefinitionError(f"{self.id}: the curve has {dof} joints, the limits {self.requirements.dof}")

@@ -36,6 +36,7 @@ from ocp_traj.verdicts import Audit
 Array = NDArray[np.float64]
 
 SCAN = 48  # samples a segment when looking for peaks: our choice, far denser than the degrees in use have peaks
+FINE = 33  # samples about a sample that stands out, from one neighbour to the other: our choice
 KEEP = 0.1  # of a limit's scale: rows with more slack than this after the first solve are dropped; our choice
 STALLED, NEGLIGIBLE = (
     4.0,
@@ -242,14 +243,28 @@ def _peaks(problem: Problem, limit: PathConstraint, candidate: Trajectory, back_
             members += swept_peaks(problem, limit, k, candidate, back_off)
             continue
         values = limit_on(candidate, problem.requirements, limit, k, u) / limit.scale[:, None]
-        excess = np.maximum(values - high[:, None], low[:, None] - values)
-        left = np.pad(excess[:, :-1], ((0, 0), (1, 0)), constant_values=-np.inf)
-        right = np.pad(excess[:, 1:], ((0, 0), (0, 1)), constant_values=-np.inf)
-        falls = np.stack([excess - left, excess - right])
-        fall = np.where(np.isfinite(falls), falls, 0.0).max(axis=0)
-        peak = (excess >= left) & (excess > right) & (excess > -fall)
-        members += [Instant(limit.id, k, float(u[i]), (int(row),)) for row, i in zip(*np.nonzero(peak), strict=True)]
+        for excess_of in (lambda v, i: v - high[i][:, None], lambda v, i: low[i][:, None] - v):
+            excess = excess_of(values, np.arange(len(high)))
+            rows, places = np.nonzero(_stands_out(excess))
+            if not len(rows):
+                continue
+            # Narrow peaks lie between samples, where Newton's method would go astray: look closer first.
+            close = np.clip(u[places][:, None] + np.linspace(-1.0, 1.0, FINE) / (SCAN - 1), 0.0, 1.0)
+            closer = limit_on(candidate, problem.requirements, limit, k, close.ravel()) / limit.scale[:, None]
+            own = closer.reshape(-1, *close.shape)[rows, np.arange(len(rows))]  # (peaks, FINE)
+            highest = close[np.arange(len(rows)), np.argmax(excess_of(own, rows), axis=1)]
+            members += [Instant(limit.id, k, float(v), (int(row),)) for row, v in zip(rows, highest, strict=True)]
     return members
+
+
+def _stands_out(excess: Array) -> NDArray[np.bool_]:
+    """Which samples ``(rows, SCAN)`` are local maxima of an excess that is above zero, or may be between samples."""
+    left = np.pad(excess[:, :-1], ((0, 0), (1, 0)), constant_values=-np.inf)
+    right = np.pad(excess[:, 1:], ((0, 0), (0, 1)), constant_values=-np.inf)
+    with np.errstate(invalid="ignore"):  # of a side without a bound
+        falls = np.stack([excess - left, excess - right])
+    fall = np.where(np.isfinite(falls), falls, 0.0).max(axis=0)
+    return np.asarray((excess >= left) & (excess > right) & (excess > -fall))
 
 
 def _sharpened(
@@ -264,7 +279,7 @@ def _sharpened(
     rows = np.array([m.rows[0] for m in members if m.rows])
     low, high = (bound[rows] for bound in _scaled_bounds(limit, back_off))
     first = np.array([m.u for m in members])
-    u, cell = first, 1.0 / (SCAN - 1)
+    u, cell = first, 2.0 / (SCAN - 1) / (FINE - 1)
     begun = np.array(derivatives(x, u)[0]).ravel()
     with np.errstate(divide="ignore", invalid="ignore"):
         for _ in range(4):

@@ -13,7 +13,7 @@ from ocp_traj.nlp import NLP, Solution, Status
 from ocp_traj.optima import distinct
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
-from ocp_traj.scalarise import Scalarisation
+from ocp_traj.scalarise import Scalarisation, WeightedSum
 from ocp_traj.solvers.exchange import Exchange
 
 Array = NDArray[np.float64]
@@ -26,7 +26,9 @@ ONE_POINT = 1e-6  # of the variables' size: our choice, far above the solver's t
 
 @dataclass(frozen=True)
 class Multistart:
-    """Runs ``solver`` from ``starts`` random points; start i depends on the seed and i alone.
+    """Runs ``solver`` from ``starts`` random points; start i depends on the seed and i alone, and like points are one.
+
+    Where the problem has a stepping stone, each point is first taken there.
 
     Attributes:
         solver: of one start.
@@ -46,14 +48,16 @@ class Multistart:
     progress: Progress = silent
 
     def points(self, problem: Problem) -> list[Array]:
-        """The starting points."""
-        return [problem.guess(np.random.default_rng([self.seed, i])) for i in range(self.starts)]
+        """The starting points, each once."""
+        points = [problem.guess(np.random.default_rng([self.seed, i])) for i in range(self.starts)]
+        return list({x.tobytes(): x for x in points}.values())
 
     def solve_all(self, problem: Problem, scalarisation: Scalarisation) -> list[Solution]:
         """One solution a start, or two with ``all_optima``; Ctrl-C ends it early with those it has."""
         solutions: list[Solution] = []
         one_start = self._shared(problem, scalarisation) if self.all_optima else self._alone
-        for i, x0 in enumerate(self.points(problem)):
+        points = self.points(problem)
+        for i, x0 in enumerate(points):
             try:
                 solutions += one_start(problem, scalarisation, x0)
             except KeyboardInterrupt:
@@ -61,7 +65,7 @@ class Multistart:
                     raise
                 break
             best = best_of(solutions)
-            self.progress(i + 1, self.starts, f"best {best.f:.9g}" if best.ok else best.status.value)
+            self.progress(i + 1, len(points), f"best {best.f:.9g}" if best.ok else best.status.value)
         return solutions
 
     def solve(self, problem: Problem, scalarisation: Scalarisation) -> Solution:
@@ -72,7 +76,15 @@ class Multistart:
         return replace(best_of(solutions), seconds=time.perf_counter() - begun, optima=optima)
 
     def _alone(self, problem: Problem, scalarisation: Scalarisation, x0: Array) -> list[Solution]:
-        return [self.solver.solve(problem, scalarisation, x0)]
+        stone = problem.stepping_stone
+        if stone in ("", *scalarisation.names):
+            return [self.solver.solve(problem, scalarisation, x0)]
+        key = f"stepping stone {self.solver!r} {x0.tobytes().hex()}"
+        first = problem.cached(key, lambda: self.solver.solve(problem, WeightedSum({stone: 1.0}), x0))
+        if not first.ok:
+            return [self.solver.solve(problem, scalarisation, x0)]
+        solution = replace(self.solver, first=first.instants).solve(problem, scalarisation, first.x)
+        return [replace(solution, iterations=first.iterations + solution.iterations)]
 
     def _shared(self, problem: Problem, scalarisation: Scalarisation) -> Callable[..., list[Solution]]:
         """``SOLVES`` solutions of a start; those whose first NLP leads where an earlier one has led are that one's."""
