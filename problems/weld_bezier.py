@@ -53,7 +53,7 @@ AIR_MOVE = (  # rest, via, rest [deg]: our choice
 )
 UNITS = tuple((unit,) * 6 for unit in ("rad", "rad/s", "rad/s2", "rad/s3", "rad/s4"))
 # Traces of these keep the torch's spin and the tags' derivatives definite where nothing else does; our choice.
-TRACES = {"movement": 2e-3, "snap": 1e-5}
+TRACES = {"movement": 1e-3, "snap": 1e-4}
 SINGULAR = 1e-2  # least singular value of a tag's Jacobian (place [m] and torch's axis); our choice
 SCAN = 100  # instants a piece at which figures are taken; our choice
 MOST_TAGS = 40  # our choice: 1200 variables
