@@ -24,7 +24,7 @@ from ocp_traj.nlp import NLP, Conflict, Row, Solution, Status
 Array = NDArray[np.float64]
 
 LINEAR_SOLVERS = ("mumps", "spral")
-TINY = 1e-3  # of the variables' size: our choice
+TINY = 1e-3  # an objective below this, and below this share of the variables' size: our choice
 
 # IPOPT's return status, complete (IpReturnCodes_inc.h); an unknown one is FAILED, never SOLVED.
 _STATUS = {
@@ -90,7 +90,8 @@ class Ipopt:
         begun = time.perf_counter()
         solution = self._run(nlp, np.clip(x0, nlp.lower_x, nlp.upper_x), warm, begun)
         size = abs(solution.f) / max(float(np.abs(solution.x).max(initial=0.0)), 1e-300)
-        if solution.ok and 0.0 < size < TINY:  # the tolerance is absolute: an objective this small needs a finer one
+        # The tolerance is absolute: an objective this small needs a finer one.
+        if solution.ok and 0.0 < max(size, abs(solution.f)) < TINY:
             scaled = replace(self, options={**self.options, "obj_scaling_factor": 1.0 / size})
             finer = scaled._run(nlp, solution.x, None, begun)
             if finer.ok and finer.f <= solution.f:
