@@ -21,7 +21,20 @@ CASES = (
     (90.0, 0.005, 13), (90.0, 0.012, 17), (90.0, 0.012, 5),
     (45.0, 0.005, 17), (45.0, 0.012, 13), (45.0, 0.012, 7),
 )  # fmt: skip
-HEAD = ("psi", "mm/s", "tags", "objective", "status", "audit", "air [s]", "rms [mm]", "max [mm]", "tilt", "rounds", "it.")
+HEAD = (
+    "psi",
+    "mm/s",
+    "tags",
+    "objective",
+    "status",
+    "audit",
+    "air [s]",
+    "rms [mm]",
+    "max [mm]",
+    "tilt",
+    "rounds",
+    "it.",
+)
 WIDTHS = (4, 5, 5, 10, 9, 9, 8, 9, 9, 6, 7, 6, 8)
 
 

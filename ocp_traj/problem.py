@@ -140,7 +140,7 @@ class Problem:
         default_objective: what ``solve`` minimises when not told.
         reference_point: per objective, the worst value worth having: it bounds a front and its hypervolume.
         starts: random starts of a local solver when not told how many.
-        stepping_stone: an objective that is easy to solve for from a guess; for any other, solvers begin at its optimum.
+        stepping_stone: an objective that is easy to solve for from a guess; solves for others begin at its optimum.
         instants: a segment, of a first grid of constraint exchange that stays; if not given, degree/2 + 1, at least 3,
             of which those far from their limits are dropped; or the local times of each limit, with none of those not
             named, which are looked at between solves only.

@@ -8,7 +8,7 @@ from ocp_traj import problems
 from ocp_traj.comparison import Comparison, Erratum, Reproduction, Run
 from ocp_traj.errors import InputError, UnknownName
 from ocp_traj.progress import Progress, silent
-from ocp_traj.reproductions import hybrid_spline, rotor_353, wrist_obstacle
+from ocp_traj.reproductions import hybrid_spline, rotor_353, weld_bezier, wrist_obstacle
 
 __all__ = ["REGISTRY", "Comparison", "Erratum", "Reproduction", "Run", "names", "reproduce"]
 
@@ -17,6 +17,7 @@ REGISTRY: dict[str, tuple[Callable[[int, Progress], Reproduction], int]] = {
     "hybrid-spline": (hybrid_spline.run, 3),
     "rotor-353": (rotor_353.run, 30),
     "wrist-obstacle": (wrist_obstacle.run, 8),
+    "weld-bezier": (weld_bezier.run, 5),
 }
 
 

@@ -124,7 +124,7 @@ def curve_function(problem: Problem) -> Any:
 
 
 def shape_function(problem: Problem) -> Any:
-    """Casadi SX Function x -> what ``curve_function`` gives, and x: all that the arguments at instants are linear in."""
+    """Casadi SX Function x -> what ``curve_function`` gives, and x: all that arguments at instants are linear in."""
 
     def build() -> Any:
         x = casadi.SX.sym("x", problem.size)

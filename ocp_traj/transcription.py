@@ -293,7 +293,7 @@ def _path_rows(
 
 
 def _moving_derivatives(curve: SymbolicCurve, limit: PathConstraint, entries: Sequence[tuple[int, Instant]]) -> Any:
-    """MX expression of a derivative of the joints, by (joint, instant that moves), on a lifted curve: ``(entries,)``."""
+    """MX expression of a derivative of joints, by (joint, instant that moves), on a lifted curve: ``(entries,)``."""
     assert curve.lifted is not None and limit.order is not None
     problem, x = curve.problem, curve.lifted.symbols[-1]
     values, places = [], []

@@ -433,14 +433,16 @@ def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstr
         (_rest_constraint("start", (0, 0.0), home), _rest_constraint("end", (-1, 1.0), home)),
         guess, "a tubular seam" if not case.seam_file else "a seam",
         curve_kind=f"nonic Bezier, approach, {tags - 1} pieces of the seam, retract",
-        reference_point={"air_time": 12.0, "effort": 8.0, "movement": 10.0},
+        reference_point={"air_time": 12.0, "effort": 12.0, "movement": 25.0},
         instants={"tcp": _nodes(10), "tilt": _nodes(4), "snap-limit": _extremes(7)},
         instants_move=False,
         regularisation=TRACES,
         figures=partial(_figures, machine, seam(case), cut),
         # The torch's spin leaves valleys that bend: short steps down them, made longer soon, and a barrier that is low
         # from the start; the stepping stone lies in the middle of a valley.
-        solver_options={"tol": 1e-4, "mu_target": 1e-4, "mu_init": 1e-3, "perturb_dec_fact": 0.1, "constr_viol_tol": 1e-9},
+        solver_options={
+            "tol": 1e-4, "mu_target": 1e-4, "mu_init": 1e-3, "perturb_dec_fact": 0.1, "constr_viol_tol": 1e-9,
+        },
         stepping_stone="total",
     )  # fmt: skip
 

@@ -25,7 +25,7 @@ from ocp_traj.scalarise import Scalarisation
 from ocp_traj.solvers.pareto_set import ParetoSet
 from ocp_traj.solvers.repair import slow_down
 from ocp_traj.solvers.scaling import TimeScaling
-from ocp_traj.symbolic import evaluate_objectives
+from ocp_traj.symbolic import degrees, evaluate_objectives
 from ocp_traj.transcription import trajectory
 
 Array = NDArray[np.float64]
@@ -64,7 +64,8 @@ class Vectorised(PymooProblem):  # type: ignore[misc]  # pymoo is untyped
             raise InputError(f"constraint handling is {handling!r}; allowed are {', '.join(HANDLING)}")
         self.handling, self.weight, self.tolerance = handling, weight, tolerance
         self.last: tuple[Array, Array, Array] = (np.empty((0, problem.size)), np.empty(0), np.empty(0))
-        self.population = Population(problem, objectives, per_segment, refine)
+        # Of a curve of high degree fewer instants hide too much: evolution goes where nobody looks.
+        self.population = Population(problem, objectives, max(per_segment, *degrees(problem)), refine)
         self.scaling = TimeScaling(problem) if scaling else None
         self.idle, self.least = problem.idle(objectives), problem.lower
         chosen = [problem.objective(name) for name in objectives]

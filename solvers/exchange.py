@@ -243,16 +243,15 @@ def _peaks(problem: Problem, limit: PathConstraint, candidate: Trajectory, back_
             members += swept_peaks(problem, limit, k, candidate, back_off)
             continue
         values = limit_on(candidate, problem.requirements, limit, k, u) / limit.scale[:, None]
-        for excess_of in (lambda v, i: v - high[i][:, None], lambda v, i: low[i][:, None] - v):
-            excess = excess_of(values, np.arange(len(high)))
-            rows, places = np.nonzero(_stands_out(excess))
+        for side, bound in ((1.0, high), (-1.0, -low)):
+            rows, places = np.nonzero(_stands_out(side * values - bound[:, None]))
             if not len(rows):
                 continue
             # Narrow peaks lie between samples, where Newton's method would go astray: look closer first.
             close = np.clip(u[places][:, None] + np.linspace(-1.0, 1.0, FINE) / (SCAN - 1), 0.0, 1.0)
             closer = limit_on(candidate, problem.requirements, limit, k, close.ravel()) / limit.scale[:, None]
             own = closer.reshape(-1, *close.shape)[rows, np.arange(len(rows))]  # (peaks, FINE)
-            highest = close[np.arange(len(rows)), np.argmax(excess_of(own, rows), axis=1)]
+            highest = close[np.arange(len(rows)), np.argmax(side * own, axis=1)]
             members += [Instant(limit.id, k, float(v), (int(row),)) for row, v in zip(rows, highest, strict=True)]
     return members
 

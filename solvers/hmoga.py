@@ -69,7 +69,7 @@ class HMOGA:
         seeded: share of the first generation that lies between and around the ends of the front; the rest is random.
         starts: random starts at each end.
         solver: of the ends, and of each point that is refined.
-        per_segment: instants a segment at which limits are looked at in a generation.
+        per_segment: instants a segment at which limits are looked at in a generation, at least its degree.
         max_seconds: time for all; of what the ends leave, evolution gets one half.
         progress: told after each generation, then after each refined point.
     """
@@ -115,7 +115,10 @@ class HMOGA:
             len(objectives), solver=self.solver, starts=self.starts, seed=self.seed, max_seconds=self.max_seconds
         )
         ends = tracer.pareto(problem, objectives)
-        info: dict[str, Any] = {"ends": {**ends.info, "seconds": ends.seconds}, "cannot act": CANNOT_ACT}
+        info: dict[str, Any] = {
+            "ends": {**ends.info, "points": len(ends.xs), "seconds": ends.seconds},
+            "cannot act": CANNOT_ACT,
+        }
         if ends.info.get("conflict") is False:
             info["conflict"] = False
         if ends.interrupted or "conflict" in info:

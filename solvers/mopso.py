@@ -59,7 +59,7 @@ class MOPSO:
         population, generations: particles and iterations.
         variant: ``competitive`` (CMOPSO) or ``crowding`` (MOPSO-CD).
         archive: largest number of points kept by MOPSO-CD.
-        per_segment: instants a segment at which limits are looked at; the audit has the last word.
+        per_segment: instants a segment at which limits are looked at, at least its degree; the audit has the last word.
         max_seconds: stop after the iteration that passes this.
         progress: told after each iteration.
     """

@@ -29,7 +29,7 @@ class NSGA2:
         population, generations: their numbers.
         crossover, mutation: probabilities, of a pair and of a variable.
         crossover_index, mutation_index: distribution indices of SBX and polynomial mutation.
-        per_segment: instants a segment at which limits are looked at; the audit has the last word.
+        per_segment: instants a segment at which limits are looked at, at least its degree; the audit has the last word.
         max_seconds: stop after the generation that passes this.
         progress: told after each generation.
     """

@@ -1,0 +1,221 @@
+"""Ogbemhe et al. reproduced as far as the text goes: its tables decoded, and MOGA beside HMOGA on a case of ours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ocp_traj import api, problems
+from ocp_traj.comparison import Reproduction, Run, Sheet, named_objectives
+from ocp_traj.errors import NoSolutionFound
+from ocp_traj.front import Front
+from ocp_traj.nlp import Solution
+from ocp_traj.problem import Problem
+from ocp_traj.problems import kr90
+from ocp_traj.progress import Progress
+from ocp_traj.reproductions.weld_bezier_errata import equation_errata
+from ocp_traj.reproductions.weld_bezier_tables import durations, outside, table_2
+from ocp_traj.solvers.front_tracer import FrontTracer
+from ocp_traj.solvers.generations import crowding_distances, spread
+from ocp_traj.solvers.hmoga import HMOGA
+from ocp_traj.solvers.nsga2 import NSGA2
+from ocp_traj.solvers.pareto_set import ParetoSet
+from ocp_traj.solvers.repair import slow_down
+from ocp_traj.trajectory import Trajectory
+from ocp_traj.transcription import trajectory
+
+Array = NDArray[np.float64]
+
+TRADED = ("air_time", "dynamic_effort")
+POINTS = 15  # of the traced front, and refined at most: our choice
+POPULATION, GENERATIONS = 200, 500  # Table 4
+# Table 7: of each method trajectory time [s], average distance, average spread, function count, time [s].
+TABLE_7 = {"MOGA": (1.36, 0.0171, 0.037, 78401, 5567.0), "HMOGA": (1.15, 0.670, 0.167, 1448471, 815.0)}
+
+
+def run(seeds: int, progress: Progress) -> Reproduction:
+    """All of the paper's numbers beside ours; see ``ocp_traj.reproduce.reproduce``."""
+    sheet = Sheet()
+    runs: list[Run] = []
+    extra: dict[str, pd.DataFrame] = {}
+    total, done = 4 + (1 + 2 * seeds if seeds else 0), 0
+
+    def told(words: str) -> None:
+        nonlocal done
+        progress(done, total, words)
+        done += 1
+
+    told("tables")
+    extra["Table 2 without its slips, ends at their limits after one second"] = table_2(sheet)
+    extra["Least durations that Table 3 allows, from rest to rest"] = durations(sheet)
+    cells = extra["Cells of Tables 5 to 11 beyond the limits"] = outside()
+    note = "the text has all of them within; Table 8 repeats Table 9 and is not counted"
+    sheet.add(
+        "Tables 5-11", f"cells beyond the limits, of {cells['of'].sum()}", "0", float(cells["outside"].sum()), note=note
+    )
+    seam = problems.load("weld-bezier")
+    told("the seam")
+    solved = {"seam": (seam, api.solve(seam).require())}
+    for words, rest in (("air move", False), ("air move, rest at the via point", True)):
+        told(words)
+        problem = problems.load("weld-bezier", case="air-move", rest_at_tags=rest)
+        solved[words] = (problem, api.solve(problem, objective="air_time").require())
+    for words, (problem, found) in solved.items():
+        assert found.audit is not None
+        named = named_objectives(problem, found.objectives)
+        method = "exchange, IPOPT, sum of objectives" if words == "seam" else "exchange, IPOPT, least time"
+        runs.append(Run("ours", method, words, 0, named, found.seconds, found.iterations, found.audit.verdict))
+    extra["In place of R-square"] = quality(solved)
+    for method, (time, distance, even, count, seconds) in TABLE_7.items():
+        values = {"air_time [s]": time, "spread [-]": even, "average distance [-]": distance}
+        runs.append(Run("paper", method, "not given", None, values, seconds, count))
+    if seeds:
+        title = f"MOGA beside HMOGA on the air move, {seeds} seed{'' if seeds == 1 else 's'}: medians"
+        extra[title] = fronts(solved["air move"][0], seeds, runs, told)
+    progress(total, total, "done")
+    errata = equation_errata(signed_torques(*solved["air move"]), _words_of_table_7())
+    return Reproduction(
+        "weld-bezier", seam.reference, tuple(sheet.comparisons), (*sheet.errata, *errata), tuple(runs), extra
+    )
+
+
+def _words_of_table_7() -> str:
+    (_, far, even, *_), (_, farther, odd, *_) = TABLE_7["MOGA"], TABLE_7["HMOGA"]
+    return f"its spread is {odd:g} against {even:g}, its distance {farther:g} against {far:g}, where less is more even"
+
+
+# --- what one trajectory is worth ---
+
+
+def quality(solved: dict[str, tuple[Problem, Solution]]) -> pd.DataFrame:
+    """Share of each limit that is used, the tip's error, and jumps at the tags: of each trajectory a column."""
+    columns: dict[str, dict[str, str]] = {}
+    for words, (problem, found) in solved.items():
+        assert found.audit is not None and found.trajectory is not None
+        rows: dict[str, str] = {}
+        for limit in problem.requirements.path_constraints:
+            worst = min((row for row in found.audit.rows if row.limit == limit.id), key=lambda row: row.margin)
+            rows[f"{limit.id}, share used"] = f"{1.0 - worst.margin:.4f} ({worst.label})"
+        for name, value, unit in problem.figures(found.trajectory) if problem.figures is not None else ():
+            rows[f"{name} [{unit}]"] = f"{value:.4g}"
+        for order, jump in zip(("q", "v", "a", "jerk", "snap"), jumps(found.trajectory), strict=True):
+            rows[f"jump of {order} at the tags, of its largest value"] = f"{jump:.1g}"
+        columns[words] = rows
+    return pd.DataFrame(columns).fillna("-").rename_axis("figure").reset_index()
+
+
+def jumps(motion: Trajectory) -> Array:
+    """Largest jump at an inner knot of each derivative, in units of its largest value anywhere ``(5,)``."""
+    curve, found = motion.curve, []
+    for order in range(5):
+        largest = max(max(-e.lower, e.upper) for e in curve.extrema(order))
+        steps = [np.abs(curve.at(k, 1.0, order) - curve.at(k + 1, 0.0, order)).max() for k in range(curve.segments - 1)]
+        found.append(float(max(steps)) / largest)
+    return np.array(found)
+
+
+def signed_torques(problem: Problem, found: Solution) -> tuple[float, float]:
+    """Least sum of the joints' torques [N m] along a motion, and along its path twice as fast."""
+    assert problem.dilate is not None
+    q, v, a = (casadi.SX.sym(name, 6) for name in "qva")
+    total = casadi.Function("total", [q, v, a], [casadi.sum1(kr90.torque(problem.robot, q, v, a))])
+    u = np.linspace(0.0, 1.0, 400)
+    least = []
+    for s in (1.0, 0.5):
+        curve = trajectory(problem, problem.dilate(found.x, s)).curve
+        states = [np.concatenate([curve.at(k, u, order) for k in range(curve.segments)]).T for order in range(3)]
+        least.append(float(np.array(total.map(states[0].shape[1])(*states)).min()))
+    return least[0], least[1]
+
+
+# --- fronts ---
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """A front, or None where nothing was feasible, and what it took."""
+
+    method: str
+    seed: int | None
+    front: Front | None
+    evaluations: int
+    iterations: int
+    seconds: float
+
+
+def fronts(problem: Problem, seeds: int, runs: list[Run], told: Callable[[str], None]) -> pd.DataFrame:
+    """NSGA-II, MOGA (the hybrid before its refinement), HMOGA and the traced front, in one box."""
+    found: list[_Found] = []
+    told("traced front")
+    traced = FrontTracer(POINTS).pareto(problem, TRADED)
+    found.append(_proved(problem, traced, "trace", traced.xs, 0, traced.info["iterations"], traced.seconds))
+    for seed in range(seeds):
+        told(f"HMOGA, seed {seed}")
+        hybrid = HMOGA(seed, points=POINTS, population=POPULATION, generations=GENERATIONS).pareto(problem, TRADED)
+        info = hybrid.info
+        ends = info["ends"]
+        before = ends["points"] + info["genetic front"]
+        seconds = ends["seconds"] + info["evolution seconds"]
+        common = problem, hybrid
+        found += [
+            _proved(*common, "MOGA", hybrid.xs[:before], info["evaluations"], ends["iterations"], seconds),
+            _proved(
+                *common,
+                "HMOGA",
+                hybrid.xs,
+                info["evaluations"],
+                ends["iterations"] + info["iterations"],
+                hybrid.seconds,
+            ),
+        ]
+        told(f"NSGA-II, seed {seed}")
+        name = "NSGA-II from random points"
+        try:
+            plain = NSGA2(seed, population=POPULATION, generations=GENERATIONS).pareto(problem, TRADED)
+        except NoSolutionFound:  # its hypervolume is none
+            found.append(_Found(name, seed, None, POPULATION * GENERATIONS, 0, np.nan))
+            continue
+        found.append(_proved(problem, plain, name, plain.xs, plain.info["evaluations"], 0, plain.seconds))
+    filled = [one.front for one in found if one.front is not None]
+    ideal = {name: min(front.ideal[name] for front in filled) for name in TRADED}
+    rows = []
+    for one in found:
+        values = _figures(one.front, ideal)
+        best = {} if one.front is None else named_objectives(problem, one.front.ideal)
+        named = {**best, "hypervolume [-]": values[1], "spread [-]": values[2], "average distance [-]": values[3]}
+        verdict = "proved" if one.front is not None else "nothing feasible"
+        runs.append(Run("ours", one.method, "air move", one.seed, named, one.seconds, one.evaluations, verdict))
+        rows.append((one.method, *values, one.evaluations, one.iterations, one.seconds))
+    names = ["points", "hypervolume", "spread", "average distance", "evaluations", "IPOPT iterations", "seconds"]
+    table = pd.DataFrame(rows, columns=["method", *names])
+    medians = table.groupby("method", sort=False)[names].median()
+    medians.insert(0, "runs", table.groupby("method", sort=False).size())
+    medians.insert(3, "least hypervolume", table.groupby("method", sort=False)["hypervolume"].min())
+    return medians.reset_index()
+
+
+def _proved(
+    problem: Problem, run: ParetoSet, method: str, xs: Sequence[Array], evaluations: int, iterations: int,
+    seconds: float,
+) -> _Found:  # fmt: skip
+    mended, _ = slow_down(problem, xs)
+    front = Front.of(problem, TRADED, mended, method=method, seed=run.seed, seconds=seconds)
+    return _Found(
+        method, None if method == "trace" else run.seed, front if len(front) else None, evaluations, iterations, seconds
+    )
+
+
+def _figures(front: Front | None, ideal: dict[str, float]) -> tuple[Any, ...]:
+    """Points, hypervolume, and the paper's spread and average distance."""
+    if front is None:
+        return 0, 0.0, np.nan, np.nan
+    distances = crowding_distances(front.values)
+    finite = distances[np.isfinite(distances)]
+    average = float(finite.mean()) if len(finite) else np.nan
+    return len(front), front.hypervolume(ideal=ideal).value, spread(distances, np.zeros(2)), average
