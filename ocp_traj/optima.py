@@ -26,11 +26,13 @@ class Optimum:
         solution: the best of those that ended there.
         starts: how many ended there.
         way: the problem's word for the way it takes (``Problem.homotopy``), or none.
+        sampled: how many distinct local optima of the first NLP, which sees the first instants only, led there.
     """
 
     solution: Solution
     starts: int
     way: str = ""
+    sampled: int = 0
 
 
 def distinct(problem: Problem, solutions: Sequence[Solution], solves: int = 1) -> tuple[Optimum, ...]:
@@ -55,6 +57,23 @@ def distinct(problem: Problem, solutions: Sequence[Solution], solves: int = 1) -
             ended.append({start})
     counted = [replace(optimum, starts=len(starts)) for optimum, starts in zip(found, ended, strict=True)]
     return tuple(sorted(counted, key=lambda optimum: optimum.solution.f))
+
+
+def with_sampled(
+    problem: Problem, optima: Sequence[Optimum], pairs: Sequence[tuple[Solution, Solution]]
+) -> tuple[Optimum, ...]:
+    """The optima with their ``sampled``, counted by value, from pairs (solution of the first NLP, what it led to)."""
+    values: list[list[float]] = [[] for _ in optima]
+    for first, solution in pairs:
+        if solution.status is not Status.SOLVED or solution.trajectory is None:
+            continue
+        way = problem.homotopy(solution.trajectory) if problem.homotopy is not None else ""
+        for optimum, seen in zip(optima, values, strict=True):
+            if optimum.solution is solution or _same(optimum, solution, way):
+                if all(abs(first.f - value) > SAME_VALUE * max(abs(value), 1e-300) for value in seen):
+                    seen.append(first.f)
+                break
+    return tuple(replace(optimum, sampled=len(seen)) for optimum, seen in zip(optima, values, strict=True))
 
 
 def _same(known: Optimum, solution: Solution, way: str) -> bool:

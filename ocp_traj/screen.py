@@ -27,6 +27,7 @@ from ocp_traj.store import plain
 from ocp_traj.verdicts import CHECKED, Audit, AuditRow
 
 WIDE = 160  # columns of a table that does not go to a terminal
+MOST_VARIABLES, SMALL_BLOCK = 60, 4  # with more than the one, only blocks up to the other are printed: our choice
 
 Rows = tuple[str, Sequence[str], Sequence[Sequence[Any]]]  # title, column names, rows
 
@@ -162,6 +163,21 @@ def problem_sheet(problem: Problem) -> Sheet:
     return Sheet(data, tables + _notes(problem))
 
 
+def _variable_table(problem: Problem, solution: Solution) -> Rows:
+    """The decision variables; of very many those of the small blocks only."""
+    rows, left = [], 0
+    many = problem.size > MOST_VARIABLES
+    places = iter(zip(problem.labels, solution.x, problem.units, strict=True))
+    for block in problem.variables:
+        entries = [list(next(places)) for _ in block.labels]
+        if many and len(entries) > SMALL_BLOCK:
+            left += len(entries)
+        else:
+            rows += entries
+    title = f"Variables, {left} in large blocks left out (--json and -o have them)" if left else "Variables"
+    return title, ["name", "value", "unit"], rows
+
+
 def audit_values(checked: Audit) -> dict[str, Any]:
     """An audit as plain values."""
     return {
@@ -241,7 +257,8 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         ]
     if solution.optima:
         data["optima"] = [
-            {**_outcome(problem, o.solution), "way": o.way, "starts": o.starts} for o in solution.optima
+            {**_outcome(problem, o.solution), "way": o.way, "starts": o.starts, "sampled": o.sampled}
+            for o in solution.optima
         ]  # fmt: skip
     effort = f"{solution.seconds:.2f} s, {_count(solution.rounds, 'round')}, {_count(solution.iterations, 'iteration')}"
     certified = ", certified" if solution.certificate is not None and solution.certificate.certified else ""
@@ -251,8 +268,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         tables.append(
             (title, ["objective", "value", "unit"], [[k, f"{v:.9g}", units[k]] for k, v in solution.objectives.items()])
         )
-        rows = zip(problem.labels, solution.x, problem.units, strict=True)
-        tables.append(("Variables", ["name", "value", "unit"], [list(row) for row in rows]))
+        tables.append(_variable_table(problem, solution))
         tables += _audit_tables(solution.audit)
     elif solution.conflicts:
         rows_ = [[c.row.limit, c.row.label, c.value, c.bound, c.excess, c.row.unit] for c in solution.conflicts]
@@ -268,11 +284,14 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         tables.append(("Alternatives", ["alternative", *names, "verdict", "chosen"], lines))
     if solution.optima:
         lines = [
-            [i, *_outcome_cells(problem, o.solution), o.starts, o.way] for i, o in enumerate(solution.optima, 1)
-        ]  # fmt: skip
-        tables.append(
-            (f"{len(lines)} local optima, best first", ["optimum", *names, "verdict", "starts", "way"], lines)
+            [i, *_outcome_cells(problem, o.solution), o.starts, o.sampled, o.way]
+            for i, o in enumerate(solution.optima, 1)
+        ]
+        sampled = sum(o.sampled for o in solution.optima)
+        title = (
+            f"{len(lines)} local optima, best first; {sampled} of the problem sampled at its first instants led to them"
         )
+        tables.append((title, ["optimum", *names, "verdict", "starts", "sampled", "way"], lines))
     return Sheet(data, tables + _notes(problem))
 
 

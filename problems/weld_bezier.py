@@ -500,6 +500,7 @@ def _air_move(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstraint
         (_rest_constraint("start", (0, 0.0), points[0]), via_point, _rest_constraint("end", (-1, 1.0), points[2])),
         guess, "an air move through a via point",
         curve_kind="nonic Bezier, 2 segments",
+        starts=3,  # our choice: Coulomb friction makes many local optima of dynamic effort
         reference_point={"air_time": 9.0, "dynamic_effort": 0.05, "effort": 2.0, "movement": 2.0},
         dilate=dilate,
     )  # fmt: skip

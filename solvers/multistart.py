@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.nlp import NLP, Solution, Status
-from ocp_traj.optima import distinct
+from ocp_traj.optima import distinct, with_sampled
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.scalarise import Scalarisation, WeightedSum
 from ocp_traj.solvers.exchange import Exchange
 
 Array = NDArray[np.float64]
+_Pair = tuple[Solution, Solution]  # of a first NLP, and what it led to
 
 SOLVES = 2  # of each start when all optima are wanted
 NARROW = {"mu_init": 1e-6, "bound_push": 1e-8, "bound_frac": 1e-8}  # our choice: IPOPT's own are 0.1, 0.01, 0.01
@@ -54,8 +55,11 @@ class Multistart:
 
     def solve_all(self, problem: Problem, scalarisation: Scalarisation) -> list[Solution]:
         """One solution a start, or two with ``all_optima``; Ctrl-C ends it early with those it has."""
+        return self._solved(problem, scalarisation, [])
+
+    def _solved(self, problem: Problem, scalarisation: Scalarisation, pairs: list[_Pair]) -> list[Solution]:
         solutions: list[Solution] = []
-        one_start = self._shared(problem, scalarisation) if self.all_optima else self._alone
+        one_start = self._shared(problem, scalarisation, pairs) if self.all_optima else self._alone
         points = self.points(problem)
         for i, x0 in enumerate(points):
             try:
@@ -71,8 +75,9 @@ class Multistart:
     def solve(self, problem: Problem, scalarisation: Scalarisation) -> Solution:
         """The best of all starts: proved before unproved, then the smaller value."""
         begun = time.perf_counter()
-        solutions = self.solve_all(problem, scalarisation)
-        optima = distinct(problem, solutions, SOLVES) if self.all_optima else ()
+        pairs: list[_Pair] = []
+        solutions = self._solved(problem, scalarisation, pairs)
+        optima = with_sampled(problem, distinct(problem, solutions, SOLVES), pairs) if self.all_optima else ()
         return replace(best_of(solutions), seconds=time.perf_counter() - begun, optima=optima)
 
     def _alone(self, problem: Problem, scalarisation: Scalarisation, x0: Array) -> list[Solution]:
@@ -86,16 +91,21 @@ class Multistart:
         solution = replace(self.solver, first=first.instants).solve(problem, scalarisation, first.x)
         return [replace(solution, iterations=first.iterations + solution.iterations)]
 
-    def _shared(self, problem: Problem, scalarisation: Scalarisation) -> Callable[..., list[Solution]]:
-        """``SOLVES`` solutions of a start; those whose first NLP leads where an earlier one has led are that one's."""
+    def _shared(
+        self, problem: Problem, scalarisation: Scalarisation, pairs: list[_Pair]
+    ) -> Callable[..., list[Solution]]:
+        """``SOLVES`` solutions of a start; those whose first NLP leads where an earlier one has led are that one's.
+
+        ``pairs`` collects what each first NLP has led to.
+        """
         usual = self.solver
         close = replace(usual.solver, options={**NARROW, **usual.solver.options})
         narrow = replace(usual, solver=close, max_rounds=max(ROUNDS, usual.rounds(problem)))
-        nlps: list[tuple[Exchange, NLP, list[tuple[Solution, Solution]]]] = [
+        nlps: list[tuple[Exchange, NLP, list[_Pair]]] = [
             (solver, solver.opening(problem, scalarisation), []) for solver in (usual, narrow)
         ]
 
-        def one(solver: Exchange, nlp: NLP, known: list[tuple[Solution, Solution]], x0: Array) -> Solution:
+        def one(solver: Exchange, nlp: NLP, known: list[_Pair], x0: Array) -> Solution:
             opened = solver.solver.solve(nlp, nlp.start(x0))
             for other, solution in known:
                 if opened.ok and np.abs(opened.x - other.x).max() <= ONE_POINT * (1.0 + np.abs(other.x).max()):
@@ -103,6 +113,7 @@ class Multistart:
             solution = solver.solve(problem, scalarisation, x0, opened=opened)
             if opened.ok:
                 known.append((opened, solution))
+                pairs.append((opened, solution))
             return solution
 
         return lambda problem, scalarisation, x0: [one(*entry, x0) for entry in nlps]

@@ -11,6 +11,7 @@ from ocp_traj import problems
 from ocp_traj.audit import audit
 from ocp_traj.nlp import Solution, Status
 from ocp_traj.problem import Problem
+from ocp_traj.requirements import PathConstraint
 from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation, WeightedSum
 from ocp_traj.solvers.exchange import Exchange, worst_instants
 from ocp_traj.solvers.ipopt import Ipopt
@@ -49,6 +50,19 @@ def test_least_time_of_a_quintic_has_its_closed_form(case: Quintic, start: float
     assert duration == pytest.approx(case.least_time, rel=10 * BACK_OFF)
     assert solution.status is Status.SOLVED
     assert solution.rounds <= 3
+
+
+def test_a_narrow_dip_below_beside_a_peak_above_is_found() -> None:
+    """Both bounds of one limit are near within one cell of the scan: each side has peaks of its own."""
+    dip = 0.9695
+    limit = PathConstraint(
+        "two-sided", lambda s: -1.007 + 2.007 * ((s.u - dip) / (1.0 - dip)) ** 2, -1.0, 1.0, ("-",), ("row",)
+    )
+    problem = quintic_problem()
+    problem = replace(problem, requirements=replace(problem.requirements, path_constraints=(limit,)))
+    candidate = trajectory(problem, [3.0])
+    found = worst_instants(problem, candidate, audit(candidate, problem.requirements))
+    assert min(abs(instant.u - dip) for instant in found) < 1e-9
 
 
 def test_a_first_grid_blind_to_the_limit_gets_the_peaks_as_moving_instants() -> None:

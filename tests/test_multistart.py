@@ -1,18 +1,22 @@
 """Many starts: each depends on the seed and its own number alone, and the best proved one wins."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
+from numpy.typing import NDArray
 
 from ocp_traj.nlp import Solution, Status
 from ocp_traj.problem import Problem
-from ocp_traj.scalarise import EpsilonConstraint, WeightedSum
+from ocp_traj.scalarise import EpsilonConstraint, Scalarisation, WeightedSum
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.verdicts import PROVED, UNDECIDED, Audit, AuditRow
 from tests.closed_form import Quintic, quintic_problem
+
+Array = NDArray[np.float64]
 
 TIME = WeightedSum({"time": 1.0})
 
@@ -46,7 +50,38 @@ def test_starts_do_not_depend_on_numpys_global_state(hybrid: Problem) -> None:
     assert_array_equal(one, Multistart(starts=2, seed=3).points(hybrid))
 
 
+def test_like_points_are_one_start() -> None:
+    problem = replace(quintic_problem(), guess=lambda rng: np.array([2.0]))
+    assert len(Multistart(starts=5, seed=0).points(problem)) == 1
+
+
 # --- solving ---
+
+
+def test_a_stepping_stone_is_solved_first_and_once() -> None:
+    """What follows begins at its optimum, whatever the guess was."""
+    problem = replace(quintic_problem(), stepping_stone="effort")
+    plain = quintic_problem()
+    begun: list[float] = []
+
+    class Watched(Exchange):
+        def solve(
+            self, problem: Problem, scalarisation: Scalarisation, x0: Array, *more: Any, **named: Any
+        ) -> Solution:
+            begun.append(float(x0[0]))
+            return super().solve(problem, scalarisation, x0, *more, **named)
+
+    start = Multistart(Watched(), seed=1)
+    guess = float(start.points(problem)[0][0])
+    found = start.solve(problem, TIME)
+    stone = Exchange().solve(plain, WeightedSum({"effort": 1.0}), np.array([guess]))
+    assert begun == [guess, pytest.approx(float(stone.x[0]), rel=1e-9)]
+    assert found.f == pytest.approx(Quintic().least_time, rel=1e-7)
+    assert found.iterations >= stone.iterations
+    start.solve(problem, TIME)  # the stone is known
+    assert len(begun) == 3
+    start.solve(problem, WeightedSum({"effort": 1.0}))  # and is no stone of its own
+    assert begun[3] == guess
 
 
 def test_the_same_seed_gives_the_same_solutions_bit_by_bit() -> None:

@@ -232,12 +232,29 @@ def test_jacobian_of_the_limits_matches_central_differences(problem: Problem) ->
     _matches_central_differences(ca.Function("g", [nlp.x], [nlp.g]), nlp.start(guess(problem, 2)), scale)
 
 
+def _moving(problem: Problem) -> list[Instant]:
+    """Instants that move with the variables, one for each limit on a derivative of the joints and for one other."""
+    rng = np.random.default_rng(4)
+    anchor = guess(problem, 3)
+    found, others = [], 0
+    for limit in problem.requirements.path_constraints:
+        others += limit.order is None
+        if limit.sweep or (limit.order is None and others > 1):
+            continue
+        segment = min(limit.segments or (0,))
+        slope = 1e-3 * rng.normal(size=problem.size) / (1.0 + np.abs(anchor))
+        found.append(Instant(limit.id, segment, 0.4, (len(limit.labels) - 1,), slope=slope, anchor=anchor))
+    return found
+
+
 def test_local_derivatives_are_those_casadi_makes(problem: Problem) -> None:
     """Jacobian and Hessian of the Lagrangian put together from those of each instant, against plain ones."""
     name = problem.default_objective
     scalarisation = GoalAttainment({name: 1.0}, {name: 1.0})
-    plain = transcribe(replace(problem, local_derivatives=False), scalarisation, few_instants(problem))
-    nlp = transcribe(replace(problem, local_derivatives=True), scalarisation, few_instants(problem))
+    instants = [*few_instants(problem), *_moving(problem)]
+    plain = transcribe(replace(problem, local_derivatives=False), scalarisation, instants)
+    nlp = transcribe(replace(problem, local_derivatives=True), scalarisation, instants)
+    assert plain.rows == nlp.rows
     assert plain.derivatives is None and nlp.derivatives is not None
     rng = np.random.default_rng(3)
     x = nlp.start(guess(problem, 3)) + 0.0
