@@ -174,7 +174,7 @@ def _variable_table(problem: Problem, solution: Solution) -> Rows:
             left += len(entries)
         else:
             rows += entries
-    title = f"Variables, {left} in large blocks left out (--json and -o have them)" if left else "Variables"
+    title = f"Variables (and {left} more: --json, -o)" if left else "Variables"
     return title, ["name", "value", "unit"], rows
 
 

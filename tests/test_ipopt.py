@@ -122,6 +122,25 @@ def test_a_point_constraint_is_met_as_an_equality() -> None:
     assert solution.f * 10.0 > case.optimum[1]
 
 
+@pytest.mark.parametrize(
+    ("size", "value", "runs"),
+    [
+        (1.0, 1e-5, 2),  # a small objective: the tolerance is absolute, so it is solved for again, scaled
+        (1e5, 1.0, 1),  # large variables alone make no objective small
+        (1.0, 1.0, 1),
+    ],
+)
+def test_only_a_small_objective_is_solved_for_again(
+    size: float, value: float, runs: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nlp = small_nlp(1, lambda x: value * (1.0 + (x[0] / size - 1.0) ** 2))
+    made, solver = [], ca.nlpsol
+    monkeypatch.setattr(ca, "nlpsol", lambda *a, **k: made.append(a) or solver(*a, **k))
+    solution = Ipopt().solve(nlp, np.array([0.3 * size]))
+    assert len(made) == runs
+    assert solution.x[0] == pytest.approx(size, rel=1e-4)
+
+
 def test_a_start_outside_the_bounds_is_clipped_into_them() -> None:
     nlp = small_nlp(1, lambda x: ca.log(x[0]) ** 2, (), 0.5, 3.0)  # not defined below zero
     solution = Ipopt().solve(nlp, np.array([-7.0]))

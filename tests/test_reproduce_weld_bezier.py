@@ -1,0 +1,182 @@
+"""What the comparison with Ogbemhe et al. says: tables decoded, errata with numbers, genetic algorithms in one box."""
+
+import json
+from math import comb
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+from numpy.testing import assert_allclose
+from pytest import approx
+from scipy.interpolate import BPoly
+
+from ocp_traj import api, problems
+from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.comparison import Sheet
+from ocp_traj.nlp import Solution
+from ocp_traj.problem import Problem
+from ocp_traj.reproduce import reproduce
+from ocp_traj.reproductions import weld_bezier as module
+from ocp_traj.reproductions.weld_bezier_errata import (
+    MENDED_18,
+    PRINTED_8,
+    ROWS_18,
+    coefficients_of_8,
+    end_residual,
+    equation_errata,
+    skewness,
+    sum_of_6,
+    zyz,
+)
+from ocp_traj.reproductions.weld_bezier_tables import (
+    CELLS,
+    LIMITS,
+    ORDERS,
+    decoded,
+    durations,
+    end_points,
+    outside,
+    peaks,
+    shortest,
+    table_2,
+)
+from ocp_traj.trajectory import Trajectory
+
+# --- tables ---
+
+
+def test_every_number_of_table_2_is_its_decoded_one_to_five_digits() -> None:
+    sheet = Sheet()
+    table_2(sheet)
+    verdicts = [c.verdict for c in sheet.comparisons]
+    assert len(verdicts) == 60
+    assert verdicts.count("agrees") == 58
+    wrong = [c for c in sheet.comparisons if c.verdict == "erratum"]
+    assert [c.item for c in wrong] == ["joint 4 P0", "joint 4 P5"]
+    assert all(c.ours == approx(-2082.2, abs=0.05) for c in wrong)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_end_points_end_as_told_and_the_decoded_ones_do_not(seed: int) -> None:
+    """Derivatives of scipy's polynomial of the ten points, of which the first five are none of the end's business."""
+    rng = np.random.default_rng(seed)
+    end, derivatives = rng.uniform(100.0, 700.0), rng.uniform(50.0, 300.0, 4)
+
+    def state(last: np.ndarray) -> np.ndarray:
+        curve = BPoly(np.concatenate([rng.normal(size=5), last[::-1]])[:, None], [0.0, 1.0])
+        return np.array([curve.derivative(k)(1.0) if k else curve(1.0) for k in range(5)])
+
+    assert_allclose(state(end_points(end, derivatives)), [end, *derivatives], rtol=1e-8)
+    assert abs(state(decoded(end, derivatives))[1] - derivatives[0]) > 0.5 * end
+
+
+def test_peaks_of_the_move_from_rest_to_rest_are_those_of_its_polynomial() -> None:
+    assert_allclose(peaks(), [2.4609375, 9.3720, 78.750, 622.533], rtol=1e-5)
+
+
+@pytest.mark.parametrize("joint", range(6))
+def test_a_move_in_its_shortest_time_meets_its_limit_and_no_shorter_one_does(joint: int) -> None:
+    for angle in (1.0, 10.0, 60.0):
+        duration, limit = shortest(angle, joint)
+        shares = [
+            p * angle / duration**k / LIMITS[o][joint] for k, (p, o) in enumerate(zip(peaks(), ORDERS, strict=True), 1)
+        ]
+        assert max(shares) == approx(1.0, rel=1e-12)
+        assert ORDERS[int(np.argmax(shares))] == limit == "snap"
+
+
+def test_the_papers_time_is_enough_for_a_third_of_a_degree() -> None:
+    table = durations(Sheet())
+    reached = table.iloc[:, -1]
+    assert 0.25 < reached.min() < reached.max() < 0.43
+    first = table[table["joint"] == "A1"].iloc[0]
+    assert [round(float(first.iloc[i]), 1) for i in (1, 2, 3)] == [1.6, 2.8, 4.4]
+
+
+def test_more_than_half_of_the_cells_are_beyond_the_limits() -> None:
+    table = outside()
+    assert table["of"].sum() == 60 and table["outside"].sum() == 32
+    by_hand = sum(
+        any(abs(value) > LIMITS[quantity][joint] for value in (mean[joint], most[joint]))
+        for (_, quantity, _), (mean, most) in CELLS.items()
+        for joint in range(6)
+    )
+    assert by_hand == 32
+
+
+# --- errata ---
+
+
+@pytest.mark.parametrize("t", [0.1, 0.5, 0.9])
+def test_the_basis_sums_to_one_only_as_mended(t: float) -> None:
+    assert sum_of_6(t, printed=False) == approx(1.0, abs=1e-12)
+    assert abs(sum_of_6(t, printed=True) - 1.0) > 1e-3
+
+
+def test_the_labels_of_8_are_right_only_as_mended() -> None:
+    """B_0 = (1 - t)^9 and B_1 = 9 t (1 - t)^8, expanded."""
+    left = Polynomial([1.0, -1.0])
+    expected = [left**9, comb(9, 1) * Polynomial([0.0, 1.0]) * left**8]
+    for label, polynomial in enumerate(expected):
+        assert_allclose(coefficients_of_8(label, printed=False), polynomial.coef[::-1], atol=1e-9)
+        assert np.abs(coefficients_of_8(label, printed=True) - polynomial.coef[::-1]).max() > 1.0
+    assert [label for label, _ in PRINTED_8] == [0, 1, 1, 4]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_end_conditions_hold_only_as_mended(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    state, duration = rng.normal(size=(5, 1)), rng.uniform(2.0, 6.0)
+    assert end_residual(MENDED_18, state, duration, first=9) < 1e-9
+    assert end_residual(ROWS_18, state, duration, first=5) > 1e-2
+    assert end_residual(MENDED_18, state, duration, first=9, scaled=False) > 1e-2
+    angles = rng.uniform(0.2, 1.2, 3)
+    assert skewness(zyz(angles, printed=False)) < 1e-12
+    assert skewness(zyz(angles, printed=True)) > 1e-2
+
+
+def test_every_erratum_says_why() -> None:
+    errata = equation_errata((-1.0, -4.0), "words")
+    assert len(errata) >= 17
+    assert all(e.where and e.reason and e.printed != e.should_read for e in errata)
+
+
+# --- one trajectory ---
+
+
+def test_jumps_at_tags_are_those_put_there() -> None:
+    rng = np.random.default_rng(0)
+    one = rng.normal(size=(10, 6))
+    other = one[::-1].copy()  # meets the first in position; the mirror image turns odd derivatives round
+    curve = PiecewiseBezier(np.array([1.0, 1.0]), (one, other))
+    found = module.jumps(Trajectory(curve, tuple("abcdef"), "none", {}, {}, {}))
+    assert found[0] < 1e-12 and found[2] < 1e-12 and found[4] < 1e-12
+    assert found[1] > 0.01 and found[3] > 0.01
+
+
+# --- all of it ---
+
+
+@pytest.mark.slow
+def test_the_reproduction_has_every_table_and_is_plain_json(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in (("POPULATION", 40), ("GENERATIONS", 30), ("POINTS", 4)):
+        monkeypatch.setattr(module, name, value)
+    found = reproduce("weld-bezier", seeds=1)
+    assert json.loads(json.dumps(found.to_dict()))["format"] == "ocp-traj/reproduction/1"
+    (cells,) = [c for c in found.comparisons if c.table == "Tables 5-11"]
+    assert cells.ours == 32.0 and cells.verdict == "differs"
+    ours = [run for run in found.runs if run.source == "ours"]
+    assert all(run.verdict == "proved" for run in ours if run.method != "NSGA-II from random points")
+    (table,) = [t for title, t in found.extra.items() if title.startswith("MOGA beside HMOGA")]
+    values = dict(zip(table["method"], table["hypervolume"], strict=True))
+    assert list(values) == ["trace", "MOGA", "HMOGA", "NSGA-II from random points"]
+    assert values["HMOGA"] >= values["MOGA"] > values["NSGA-II from random points"]
+    worth = found.extra["In place of R-square"].set_index("figure")
+    assert float(worth.loc["jump of snap at the tags, of its largest value"].map(float).max()) < 1e-9
+    first, twice = module.signed_torques(*_air_move())
+    assert twice < first
+
+
+def _air_move() -> tuple[Problem, Solution]:
+    problem = problems.load("weld-bezier", case="air-move", rest_at_tags=True)
+    return problem, api.solve(problem, objective="air_time").require()
