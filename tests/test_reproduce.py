@@ -176,7 +176,7 @@ def test_table_7_is_no_minimum(literal: Problem) -> None:
 
 
 def test_unknown_problems_are_refused() -> None:
-    assert names() == ("hybrid-spline", "rotor-353", "wrist-obstacle")
+    assert names() == ("hybrid-spline", "rotor-353", "wrist-obstacle", "weld-bezier")
     with pytest.raises(
         UnknownName, match="no problem 'hybrid'; problems whose paper can be reproduced are hybrid-spline"
     ):

@@ -12,7 +12,7 @@ from ocp_traj import api, problems, screen
 from ocp_traj.audit import audit
 from ocp_traj.errors import InputError
 from ocp_traj.nlp import Solution, Status
-from ocp_traj.problems import kr90
+from ocp_traj.problems import kr90, weld_bezier
 from ocp_traj.problems.weld_bezier import Ogbemhe2019, least_time, seam, start
 from ocp_traj.robot import Robot
 from ocp_traj.seam import Placement, Seam, TubeSeam
@@ -131,6 +131,12 @@ def test_the_limits_up_to_snap_rule_a_move_from_rest_to_rest() -> None:
 def test_what_cannot_be_welded_is_refused_with_the_reason(changes: dict[str, object], words: str) -> None:
     with pytest.raises(InputError, match=words):
         problems.load("weld-bezier", **changes)
+
+
+def test_a_singular_tag_is_named_with_its_value(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(weld_bezier, "SINGULAR", 0.5)
+    with pytest.raises(InputError, match=r"tag \d of 9 is singular: .* its Jacobian is 0\.\d+, 0\.5 or more is needed"):
+        start(Ogbemhe2019(riser=0.61))  # not one that is remembered
 
 
 # --- on the screen ---
