@@ -34,10 +34,11 @@ from ocp_traj.curves import nonic
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Objective, Problem, Variable
 from ocp_traj.problems import kr90
+from ocp_traj.problems.weld_start import Start, at_rest, find_start, least_time
 from ocp_traj.requirements import ORDERS, PathConstraint, PointConstraint, Requirements, State
 from ocp_traj.robot import Robot
-from ocp_traj.seam import Pieces, Placement, PolylineSeam, Seam, TubeSeam, at_piece, pieces
-from ocp_traj.tracking import Fit, fit_path, perpendicular, pose_function
+from ocp_traj.seam import Pieces, Placement, PolylineSeam, Seam, TubeSeam, at_piece
+from ocp_traj.tracking import pose_function
 from ocp_traj.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -54,11 +55,8 @@ AIR_MOVE = (  # rest, via, rest [deg]: our choice
 UNITS = tuple((unit,) * 6 for unit in ("rad", "rad/s", "rad/s2", "rad/s3", "rad/s4"))
 # Traces of these keep the torch's spin and the tags' derivatives definite where nothing else does; our choice.
 TRACES = {"movement": 1e-3, "snap": 1e-4}
-SINGULAR = 1e-2  # least singular value of a tag's Jacobian (place [m] and torch's axis); our choice
 SCAN = 100  # instants a piece at which figures are taken; our choice
 MOST_TAGS = 40  # our choice: 1200 variables
-CLOSE = 1e-4  # [m], and
-STEEP = radians(1.0)  # [rad] of tilt: a fit that is farther off has not reached the seam; our choice
 NODES = {"effort": 6, "movement": 9, "jerk": 7, "snap": 6}  # Gauss-Legendre nodes a segment; exact but for effort
 
 
@@ -141,133 +139,10 @@ def seam(case: Ogbemhe2019) -> Seam:
     return TubeSeam(case.chord_radius, case.brace_radius, radians(case.psi), (low, high), place, case.mirrored)
 
 
-def least_time(start: Array, end: Array, case: Ogbemhe2019) -> float:
-    """Least duration [s] of a nonic between two states ``(5, 6)``, to 2 %, at which the limits up to snap hold."""
-    limits = [np.radians(v) for v in (kr90.VELOCITY, kr90.ACCELERATION, kr90.JERK, kr90.SNAP)]
-    for duration in np.geomspace(case.min_air_time, case.max_air_time, 200):
-        curve = nonic([start, end], np.array([duration]))
-        if all(
-            max(-extreme.lower, extreme.upper) <= bound
-            for order, bounds in enumerate(limits, 1)
-            for extreme, bound in zip(curve.extrema(order), bounds, strict=True)
-        ):
-            return float(duration)
-    return case.max_air_time
-
-
-@dataclass(frozen=True)
-class Start:
-    """From where a seam is optimised.
-
-    Attributes:
-        cut: the seam in pieces.
-        fit: the arm along it.
-        air: durations of approach and retract that the limits allow [s].
-    """
-
-    cut: Pieces
-    fit: Fit
-    air: tuple[float, float]
-
-
 @lru_cache(maxsize=16)
 def start(case: Ogbemhe2019) -> Start:
-    """The seam in pieces, the arm fitted to it from home and from home's other wrist postures, the quickest of them."""
-    machine, path = kr90.robot(riser=case.riser), seam(case)
-    cut = pieces(path, case.tags)
-    for name, error in (("tcp_box", case.tcp_box), ("tcp_tolerance", case.tcp_tolerance)):
-        if cut.position_error > 0.1 * error:
-            raise InputError(
-                f"between {case.tags} tags the seam is written to {1e3 * cut.position_error:.2g} mm only, and {name} "
-                f"is {1e3 * error:g} mm; give more tags, or a wider {name}"
-            )
-    home = np.radians(case.home)
-    weld = path.length / case.weld_speed / (case.tags - 1)
-    reached, failed = [], []
-    for posture in _postures(home):
-        fit = fit_path(machine, cut, posture)
-        problem = _obstruction(machine, cut, fit, case)
-        if problem:
-            failed.append((problem, float(fit.place_error.max())))
-            continue
-        tags = fit.states / weld ** np.arange(5)[:, None]
-        rest = _rest(home)
-        air = least_time(rest, tags[0], case), least_time(tags[-1], rest, case)
-        reached.append(Start(cut, fit, air))
-    if not reached:
-        raise InputError(min(failed, key=lambda f: f[1])[0])
-    return min(reached, key=lambda s: sum(s.air))
-
-
-def _rest(q: Array) -> Array:
-    """The state at rest ``(5, 6)``."""
-    return np.concatenate([q[None], np.zeros((4, 6))])
-
-
-def _obstruction(machine: Robot, cut: Pieces, fit: Fit, case: Ogbemhe2019) -> str:
-    """Why a fit does not follow the seam, by its worst tag; empty where it does."""
-    pose = pose_function(machine)
-    low, high = np.radians(kr90.POSITION)
-    worst = int(np.argmax(np.maximum(fit.place_error / CLOSE, fit.tilt / STEEP)))
-    name = f"tag {worst + 1} of {len(cut.tags)}"
-    if fit.place_error[worst] > CLOSE or fit.tilt[worst] > STEEP:
-        k, u = (worst, 0.0) if worst < len(cut.position) else (worst - 1, 1.0)
-        place, axis = (values[0] for values in cut.values(k, u))
-        away = _wrist_distance(place, axis, case)
-        if away > kr90.REACH:
-            return (
-                f"{name} is out of reach: however the torch is turned about its axis, the wrist's centre is "
-                f"{away:.3f} m from A2 or more, and the arm is {kr90.REACH:.3f} m long; move the seam or the robot"
-            )
-        return (
-            f"{name} cannot be reached with the torch along the seam: the best fit is "
-            f"{1e3 * fit.place_error[worst]:.3g} mm and {np.degrees(fit.tilt[worst]):.3g} deg off; move the seam or "
-            "the robot, or change home"
-        )
-    q = fit.states[:, 0]
-    over = np.maximum(q - high, low - q)
-    if over.max() > 0.0:
-        tag, joint = np.unravel_index(int(np.argmax(over)), over.shape)
-        return (
-            f"tag {tag + 1} of {len(cut.tags)} asks for {JOINTS[joint]} at {np.degrees(q[tag, joint]):.1f} deg, its "
-            f"range is {np.degrees(low[joint]):g} to {np.degrees(high[joint]):g} deg; move the seam or change home"
-        )
-    values = []
-    for posture in q:  # of five directions: the torch may spin
-        _, axis, jp, jz = (np.array(o) for o in pose(posture))
-        across = perpendicular(axis.ravel()) @ jz
-        values.append(np.linalg.svd(np.concatenate([jp, across]), compute_uv=False)[-1])
-    if min(values) < SINGULAR:
-        least = int(np.argmin(values))
-        return (
-            f"tag {least + 1} of {len(cut.tags)} is singular: the smallest singular value of its Jacobian is "
-            f"{values[least]:.2g}, {SINGULAR:g} or more is needed; move the seam or change home"
-        )
-    return ""
-
-
-def _wrist_distance(place: Array, axis: Array, case: Ogbemhe2019) -> float:
-    """Least distance of the wrist's centre from A2 [m] over all spins of a torch at a place, along an axis."""
-    side = perpendicular(axis / np.linalg.norm(axis))
-    best = np.inf
-    for spin in np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False):
-        x = np.cos(spin) * side[0] + np.sin(spin) * side[1]
-        rotation = np.stack([x, np.cross(axis, x), axis], axis=1)
-        wrist = place + rotation @ kr90.wrist_from_tip()
-        out = np.hypot(wrist[0], wrist[1]) - kr90.SHOULDER[0]
-        best = min(best, float(np.hypot(out, wrist[2] - case.riser - kr90.SHOULDER[1])))
-    return best
-
-
-def _postures(home: Array) -> list[Array]:
-    """Home, and the same pose with the wrist turned over, as far as the joints' ranges allow."""
-    low, high = np.radians(kr90.POSITION)
-    found = [home]
-    for fourth in (np.pi, -np.pi):
-        for sixth in (np.pi, -np.pi):
-            over = home * np.array([1.0, 1.0, 1.0, 1.0, -1.0, 1.0]) + np.array([0.0, 0.0, 0.0, fourth, 0.0, sixth])
-            found.append(over)
-    return [posture for posture in found if ((posture > low) & (posture < high)).all()]
+    """From where the seam of a case is optimised."""
+    return find_start(kr90.robot(riser=case.riser), seam(case), case)
 
 
 def build(case: Ogbemhe2019 | None = None) -> Problem:
@@ -320,7 +195,7 @@ def _joint_limits(case: Ogbemhe2019, machine: Robot) -> list[PathConstraint]:
 
 def _rest_constraint(id: str, at: tuple[int, float], q: Array) -> PointConstraint:
     """At rest in all derivatives up to snap, at a posture."""
-    state = _rest(q).ravel()
+    state = at_rest(q).ravel()
     labels = tuple(f"{order} {joint}" for order in ORDERS for joint in JOINTS)
     return PointConstraint(
         id, lambda s: casadi.vertcat(s.q, s.v, s.a, s.jerk, s.snap), (at,), state, state,
@@ -399,7 +274,7 @@ def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstr
 
     def curve(x: Any) -> PiecewiseBezier:
         symbolic = isinstance(x, casadi.SX)
-        rest: Any = casadi.SX(_rest(home)) if symbolic else _rest(home)
+        rest: Any = casadi.SX(at_rest(home)) if symbolic else at_rest(home)
         inner = [_scaled_states(x[30 * tag : 30 * tag + 30], weld, range(5)) for tag in range(tags)]
         times = [x[30 * tags], *([weld] * (tags - 1)), x[30 * tags + 1]]
         return nonic([rest, *inner, rest], casadi.vertcat(*times) if symbolic else np.array(times, dtype=float))
@@ -465,8 +340,8 @@ def _figures(machine: Robot, path: Seam, cut: Pieces, motion: Trajectory) -> lis
 
 def _air_move(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstraint]) -> Problem:
     points = np.radians(np.array(AIR_MOVE))
-    rest = _rest(points[1])
-    least = [least_time(_rest(a), _rest(b), case) for a, b in pairwise(points)]
+    rest = at_rest(points[1])
+    least = [least_time(at_rest(a), at_rest(b), case) for a, b in pairwise(points)]
     unit = float(np.mean(least))  # [s], by powers of which the via point's derivatives are scaled
     variables = [] if case.rest_at_tags else _tag_variables("via", unit, position=False)
     variables.append(_durations(case, ("T1", "T2")))
@@ -479,7 +354,7 @@ def _air_move(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstraint
         else:
             moving = _scaled_states(x[:24], unit, range(1, 5))
             via = casadi.vertcat(casadi.SX(points[1]).T, moving) if symbolic else np.vstack([points[1], moving])
-        ends = [casadi.SX(_rest(q)) if symbolic else _rest(q) for q in points[[0, 2]]]
+        ends = [casadi.SX(at_rest(q)) if symbolic else at_rest(q) for q in points[[0, 2]]]
         times = x[inner : inner + 2]
         return nonic([ends[0], via, ends[1]], times if symbolic else np.asarray(times, dtype=float))
 

@@ -12,8 +12,9 @@ from ocp_traj import api, problems, screen
 from ocp_traj.audit import audit
 from ocp_traj.errors import InputError
 from ocp_traj.nlp import Solution, Status
-from ocp_traj.problems import kr90, weld_bezier
-from ocp_traj.problems.weld_bezier import Ogbemhe2019, least_time, seam, start
+from ocp_traj.problems import kr90, weld_start
+from ocp_traj.problems.weld_bezier import Ogbemhe2019, seam, start
+from ocp_traj.problems.weld_start import least_time
 from ocp_traj.robot import Robot
 from ocp_traj.seam import Placement, Seam, TubeSeam
 from ocp_traj.symbolic import evaluate_objectives
@@ -134,7 +135,7 @@ def test_what_cannot_be_welded_is_refused_with_the_reason(changes: dict[str, obj
 
 
 def test_a_singular_tag_is_named_with_its_value(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(weld_bezier, "SINGULAR", 0.5)
+    monkeypatch.setattr(weld_start, "SINGULAR", 0.5)
     with pytest.raises(InputError, match=r"tag \d of 9 is singular: .* its Jacobian is 0\.\d+, 0\.5 or more is needed"):
         start(Ogbemhe2019(riser=0.61))  # not one that is remembered
 
