@@ -249,9 +249,21 @@ def _moving(problem: Problem) -> list[Instant]:
 
 def test_local_derivatives_are_those_casadi_makes(problem: Problem) -> None:
     """Jacobian and Hessian of the Lagrangian put together from those of each instant, against plain ones."""
+    if problem.size > 100:
+        pytest.skip("plain derivatives in hundreds of variables: among the slow tests")
+    _has_the_derivatives_casadi_makes(problem)
+
+
+@pytest.mark.slow
+def test_local_derivatives_in_hundreds_of_variables_are_those_casadi_makes() -> None:
+    _has_the_derivatives_casadi_makes(problems.load("weld-bezier"))
+
+
+def _has_the_derivatives_casadi_makes(problem: Problem) -> None:
     name = problem.default_objective
     scalarisation = GoalAttainment({name: 1.0}, {name: 1.0})
-    instants = [*few_instants(problem), *_moving(problem)]
+    few = few_instants(problem)
+    instants = [*few[:: max(1, len(few) // 40)], *_moving(problem)]
     plain = transcribe(replace(problem, local_derivatives=False), scalarisation, instants)
     nlp = transcribe(replace(problem, local_derivatives=True), scalarisation, instants)
     assert plain.rows == nlp.rows

@@ -200,8 +200,6 @@ SEAMS: list[tuple[dict[str, Any], str, float, float]] = [
     ({}, "air_time", 7.0, 0.05),
     ({"tcp_box": 0.285e-3}, "air_time", 6.7, 0.285),  # the whole 0.5 mm
     ({"psi": 90.0, "weld_speed": 0.012, "tags": 17}, "total", 7.6, 0.03),
-    ({"psi": 45.0, "weld_speed": 0.012, "tags": 7}, "total", 7.9, 0.04),
-    ({"tags": 5}, "air_time", 7.6, 0.05),
 ]
 
 
@@ -226,7 +224,7 @@ def test_a_seam_is_welded_within_every_limit(
 
 @pytest.mark.slow
 def test_a_front_of_the_seam_is_proved() -> None:
-    front = api.pareto(problems.load("weld-bezier"), ["air_time", "movement"], points=4)
-    assert len(front) == 4
+    front = api.pareto(problems.load("weld-bezier"), ["air_time", "movement"], points=3)
+    assert len(front) == 3
     for i in range(len(front)):
         assert front.audit(i).proved and broken(front.trajectory(i)) <= 1.0 + 1e-9
