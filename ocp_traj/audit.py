@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 from ocp_traj.prover import Prover
 from ocp_traj.requirements import ORDERS, PointConstraint, Requirements, derivative_order
@@ -34,6 +35,7 @@ def audit(trajectory: Trajectory, requirements: Requirements, **options: Any) ->
     return audit_all([trajectory], requirements, **options)[0]
 
 
+@one_blas_thread
 def audit_all(
     trajectories: Sequence[Trajectory],
     requirements: Requirements,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj import problems
-from ocp_traj.errors import FileFormatError, InputError
+from ocp_traj.errors import MOST_NAMES, FileFormatError, InputError, cut, quoted
 from ocp_traj.files import read_text
 from ocp_traj.limits import QUANTITIES, Limits
 from ocp_traj.requirements import ORDERS, PathConstraint, PointConstraint, Requirements, State
@@ -49,7 +49,7 @@ class _Table:
     def only(self, *keys: str) -> None:
         for key in self.values:
             if key not in keys:
-                raise self.error(key, f"is not allowed here; allowed are {', '.join(keys)} ({SI})")
+                raise self.error(cut(key), f"is not allowed here; allowed are {', '.join(keys)} ({SI})")
 
     def table(self, name: str, *keys: str) -> _Table:
         """The table called ``name``, empty if there is none; it may hold ``keys`` only."""
@@ -65,7 +65,7 @@ class _Table:
             raise self.error(key, f"is missing; give {wanted}")
         value = self.values.get(key, default)
         if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool) or not sound(value):
-            raise self.error(key, f"is {value!r}; give {wanted}")
+            raise self.error(key, f"is {quoted(value)}; give {wanted}")
         return value
 
     def numbers(self, key: str, size: int, what: str, default: list[float] | None = None) -> Array:
@@ -87,11 +87,11 @@ def read_requirements(path: str | Path) -> Requirements:
     try:
         file = _Table(Path(path), "", tomllib.loads(read_text(path, "limits")))
     except tomllib.TOMLDecodeError as error:
-        raise FileFormatError(f"{path} is not a limits file: not TOML ({error})") from error
+        raise FileFormatError(f"{path} is not a limits file: not TOML ({cut(str(error), 200)})") from error
     except RecursionError as error:
         raise FileFormatError(f"{path} is not a limits file: nested too deep") from error
     if (kind := file.values.get("format")) != FORMAT:
-        raise FileFormatError(f"{path} is not a limits file: its format is {kind!r}; allowed is {FORMAT!r}")
+        raise FileFormatError(f"{path} is not a limits file: its format is {quoted(kind)}; allowed is {FORMAT!r}")
     file.only("format", "joints", "units", "continuity", *QUANTITIES, "robot", "payload", "rest", "tool")
     wanted = 'a list of different names, such as ["A1", "A2"]'
     joints = tuple(file.get("joints", list, wanted, _are_names))
@@ -140,7 +140,8 @@ def check_joints(trajectory: Trajectory, requirements: Requirements) -> None:
     ours, theirs = list(trajectory.joints), list(requirements.joints)
     if ours != theirs:
         raise InputError(
-            f"the trajectory's joints are {ours}, those of the limits {theirs}; give the same, in the same order"
+            f"the trajectory's joints are {quoted(ours, MOST_NAMES)}, those of the limits "
+            f"{quoted(theirs, MOST_NAMES)}; give the same, in the same order"
         )
 
 

@@ -219,6 +219,7 @@ class Solution:
         alternatives: of a problem with discrete choices: the solution of each, by its name; this is the best of them.
         optima: the distinct local optima, best first, where they were asked for.
         detail: the solver's own words.
+        interrupted: what Ctrl-C left undone, such as "after 3 of 40 starts"; empty where nothing was.
         certificate: of global optimality, where one was asked for.
         history: of a population, a row a generation.
     """
@@ -243,6 +244,7 @@ class Solution:
     alternatives: Mapping[str, Solution] = field(default_factory=dict)
     optima: tuple[Optimum, ...] = ()
     detail: str = ""
+    interrupted: str = ""
     certificate: Certificate | None = None
     history: pd.DataFrame | None = None
 

@@ -7,7 +7,8 @@ from dataclasses import fields
 from importlib import import_module
 from typing import Any
 
-from ocp_traj.errors import InputError, UnknownName
+from ocp_traj.blas import one_blas_thread
+from ocp_traj.errors import InputError, UnknownName, quoted
 from ocp_traj.problem import Problem
 
 # id: (module, case class). A new paper is one file here, one line in this table and a reference row in the tests.
@@ -27,7 +28,7 @@ def names() -> tuple[str, ...]:
 def case_class(name: str) -> Any:
     """The frozen dataclass that holds a problem's numbers."""
     if name not in REGISTRY:
-        raise UnknownName(f"there is no problem {name!r}; problems are {', '.join(REGISTRY)}")
+        raise UnknownName(f"there is no problem {quoted(name)}; problems are {', '.join(REGISTRY)}")
     module, class_name = REGISTRY[name]
     return getattr(import_module(f"ocp_traj.problems.{module}"), class_name)
 
@@ -37,6 +38,7 @@ def module(name: str) -> Any:
     return import_module(case_class(name).__module__)
 
 
+@one_blas_thread
 def load(name: str, **changes: Any) -> Problem:
     """Builds a problem, with fields of its case changed.
 
@@ -49,7 +51,7 @@ def load(name: str, **changes: Any) -> Problem:
     values = {}
     for key, value in changes.items():
         if key not in known:
-            raise UnknownName(f"{name} has no case field {key!r}; fields are {', '.join(known)}")
+            raise UnknownName(f"{name} has no case field {quoted(key)}; fields are {', '.join(known)}")
         values[key] = _converted(name, key, value, known[key].default, known[key].metadata)
     problem: Problem = module(name).build(cls(**values))
     return problem
@@ -61,7 +63,7 @@ def _converted(problem: str, key: str, value: Any, default: Any, metadata: Mappi
     A field of numbers may say in its metadata how many (``size``, else as many as its default) and that it may be
     ``empty``, which is written "none".
     """
-    wanted = f"{problem}: {key} is {value!r}; give"
+    wanted = f"{problem}: {key} is {quoted(value)}; give"
     if default is None:
         return None if value is None else _numbers(value, f"{wanted} numbers, such as 1,0,0.5")
     if isinstance(default, tuple) and default and isinstance(default[0], tuple):

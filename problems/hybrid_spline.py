@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.chain import AxisJoint, DHRow, LinkInertia
 from ocp_traj.curves import cubic_spline_free_ends
-from ocp_traj.errors import InputError
+from ocp_traj.errors import InputError, quoted
 from ocp_traj.limits import Limits
 from ocp_traj.problem import MIDPOINT, TRAPEZOID, Objective, Problem, Variable
 from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
@@ -65,9 +65,9 @@ class Guo2016:
         if not (np.isfinite(self.payload) and self.payload >= 0.0):
             raise InputError(f"payload is {self.payload} kg; give a finite mass, zero or more")
         if self.convention not in CONVENTIONS:
-            raise InputError(f"convention is {self.convention!r}; allowed are {', '.join(CONVENTIONS)}")
+            raise InputError(f"convention is {quoted(self.convention)}; allowed are {', '.join(CONVENTIONS)}")
         if self.via_points not in VIA_POINTS:
-            raise InputError(f"via_points is {self.via_points!r}; allowed are {', '.join(VIA_POINTS)}")
+            raise InputError(f"via_points is {quoted(self.via_points)}; allowed are {', '.join(VIA_POINTS)}")
         if (
             len(self.weights) != 4
             or not all(np.isfinite(w) and w >= 0.0 for w in self.weights)

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.chain import AxisJoint, LinkInertia
 from ocp_traj.curves import polynomial_353
-from ocp_traj.errors import InputError
+from ocp_traj.errors import InputError, quoted
 from ocp_traj.problem import Decomposition, Objective, Problem, Variable
 from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
 from ocp_traj.robot import ActuatorMap, Robot
@@ -117,7 +117,7 @@ class ZhuWang:
         if not (np.isfinite(self.max_payload) and self.max_payload > 0.0):
             raise InputError(f"max_payload is {self.max_payload} kg; give a finite mass above zero")
         if self.timing not in TIMINGS:
-            raise InputError(f"timing is {self.timing!r}; allowed are {', '.join(TIMINGS)}")
+            raise InputError(f"timing is {quoted(self.timing)}; allowed are {', '.join(TIMINGS)}")
         if self.timing == "per_joint" and self.free_payload:
             raise InputError("timing per_joint has no payload to choose: every joint is timed alone")
         if not 0.0 < self.min_duration < self.max_duration < np.inf:

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.curves import nonic
-from ocp_traj.errors import InputError
+from ocp_traj.errors import InputError, quoted
 from ocp_traj.problem import Objective, Problem, Variable
 from ocp_traj.problems import kr90
 from ocp_traj.problems.weld_start import Start, at_rest, find_start, least_time
@@ -90,7 +90,7 @@ class Ogbemhe2019:
     def __post_init__(self) -> None:
         """Checks the fields; those of a seam are checked where it is made."""
         if self.case not in CASES:
-            raise InputError(f"case is {self.case!r}; allowed are {', '.join(CASES)}")
+            raise InputError(f"case is {quoted(self.case)}; allowed are {', '.join(CASES)}")
         if self.rest_at_tags and self.case == "seam":
             raise InputError("rest_at_tags is for case air-move: a weld that keeps its speed does not rest at its tags")
         for name in ("weld_speed", "tcp_box", "tcp_tolerance", "max_tilt", "min_air_time"):

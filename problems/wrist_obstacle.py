@@ -29,7 +29,7 @@ from scipy.optimize import minimize_scalar
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.chain import AxisJoint, LinkInertia
 from ocp_traj.curves import quartic_quintic
-from ocp_traj.errors import InputError
+from ocp_traj.errors import InputError, quoted
 from ocp_traj.limits import Limits
 from ocp_traj.nlp import Conflict
 from ocp_traj.problem import Objective, Problem, Variable
@@ -76,9 +76,11 @@ class ElHaiek2019:
     def __post_init__(self) -> None:
         """Checks the fields."""
         if self.case not in CASES:
-            raise InputError(f"case is {self.case!r}; allowed are {', '.join(CASES)} (start and goal change either)")
+            raise InputError(
+                f"case is {quoted(self.case)}; allowed are {', '.join(CASES)} (start and goal change either)"
+            )
         if self.branch not in BRANCHES:
-            raise InputError(f"branch is {self.branch!r}; allowed are {', '.join(BRANCHES)}")
+            raise InputError(f"branch is {quoted(self.branch)}; allowed are {', '.join(BRANCHES)}")
         for name in ("d3", "link_radius", "max_time", "min_time"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise InputError(f"{name} is {getattr(self, name)}; give a number above zero")

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.audit import audit
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.evaluate import limit_on
 from ocp_traj.nlp import NLP, Row, Solution, Status
 from ocp_traj.problem import Problem
@@ -79,6 +80,7 @@ class Exchange:
         given = [replace(instant, slope=None) for instant in self.first or ()]  # slopes of another solution mislead
         return given or list(few_instants(problem))
 
+    @one_blas_thread
     def solve(
         self,
         problem: Problem,
