@@ -13,7 +13,7 @@ import numpy as np
 from ocp_traj import problems
 from ocp_traj.audit import audit
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.errors import InputError, NoSolutionFound, quoted
+from ocp_traj.errors import InputError, NoSolutionFound, cut, quoted
 from ocp_traj.fixed_states import fixed_conflicts
 from ocp_traj.front import Front
 from ocp_traj.nlp import Solution, Status
@@ -290,7 +290,7 @@ def _pareto(
     progress: Progress, **options: Any,
 ) -> Front:  # fmt: skip
     if len(objectives) < 2 or len(set(objectives)) != len(objectives):
-        raise InputError(f"a front trades two or more different objectives; got {', '.join(objectives) or 'none'}")
+        raise InputError(f"a front trades two or more different objectives; got {cut(', '.join(objectives)) or 'none'}")
     for name in objectives:
         problem.objective(name)
     if problem.decomposition is not None:
@@ -320,7 +320,7 @@ def _pareto(
     found = chosen.pareto(problem, objectives)
     interrupted = current().tell()
     if not found.xs and not interrupted:
-        within = "" if budget is None else f" within its budget of {budget:g} s; give it more"
+        within = "" if budget is None else " within its budget; give it more"
         raise NoSolutionFound(f"{problem.id}: {method} found no point{within}")
     xs, checked = slow_down(problem, found.xs if problem.settle is None else [problem.settle(x) for x in found.xs])
     # What was found may be proved where what it was settled to is not: a little less is asked of it.

@@ -42,7 +42,7 @@ def check_target(folder: str | Path, force: bool = False) -> Path:
     An existing run folder needs ``force``; a folder that holds files but no ``run.json`` is never replaced.
     """
     try:
-        target = Path(folder).resolve()
+        target = Path(os.path.realpath(folder))
         if target.exists():
             _check_replaceable(Path(folder), target, force)
         above = next(parent for parent in target.parents if parent.exists())
