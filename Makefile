@@ -14,13 +14,14 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow coverage lint clean
+.PHONY: help front test test-slow coverage interrupts lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
 	@echo "make test       install with the test tools, run the default tests"
 	@echo "make test-slow  the slow tests"
 	@echo "make coverage   all tests, with their coverage"
+	@echo "make interrupts  Ctrl-C at MOMENTS (20) random moments of every method; takes hours"
 	@echo "make lint       ruff, and mypy on the installed package"
 	@echo "make clean      remove $(VENV), builds and caches; runs/ stays"
 
@@ -36,6 +37,9 @@ test-slow: $(VENV)/.installed-dev
 
 coverage: $(VENV)/.installed-dev
 	$(PYTEST) -m "" --cov
+
+interrupts: $(VENV)/.installed-dev
+	$(BIN)/python benchmarks/interrupts.py $(or $(MOMENTS),20)
 
 # mypy reads the package as a user gets it. `build/` would bring back modules deleted since the last build.
 lint: $(VENV)/.installed-dev

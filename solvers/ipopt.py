@@ -50,7 +50,7 @@ _STATUS = {
 }
 
 
-class _AfterIteration(casadi.Callback):  # type: ignore[misc]  # casadi is untyped
+class _AfterIteration(casadi.Callback):
     """Called by IPOPT after each iteration, which it ends where the work should end; takes some 0.1 ms."""
 
     def __init__(self) -> None:
