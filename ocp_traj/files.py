@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ocp_traj.errors import FileFormatError, cut
+from ocp_traj.stopping import stopping
 
 LARGEST = 64 * 2**20  # [bytes] of a file that is read: our choice, ten times what a weld of a thousand segments takes
 CHUNK = 2**20  # [bytes]
@@ -83,6 +84,7 @@ def _require_plain(target: Path) -> None:
         raise FileFormatError(f"cannot write {target}: it is {what}; give a file name")
 
 
+@stopping()
 def write_with(path: str | Path, write: Callable[[Path], None]) -> Path:
     """Calls ``write`` with a temporary path beside ``path``, then renames it: a reader never sees half a file."""
     target = Path(path)
@@ -116,6 +118,7 @@ def write_text(path: str | Path, text: str) -> Path:
     return write_with(path, write)
 
 
+@stopping()
 def check_writable(path: str | Path) -> None:
     """Raises ``FileFormatError`` unless a file can be written to ``path``; to be called before long work."""
     target = Path(path)

@@ -26,6 +26,7 @@ from ocp_traj.errors import FileFormatError, InputError, quoted
 from ocp_traj.files import read_json, read_text
 from ocp_traj.front import Front, FrontPoint, Hypervolume
 from ocp_traj.plot import plot_front
+from ocp_traj.stopping import stopping
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import case_fields, trajectory
@@ -36,6 +37,7 @@ PACKAGES = ("casadi", "pin", "pymoo", "numpy")
 AGREE = 1e-6  # relative, by which a row and its trajectory may differ: far above what other versions round differently
 
 
+@stopping()
 def check_target(folder: str | Path, force: bool = False) -> Path:
     """Raises ``InputError`` unless a run can be written to ``folder``; to be called before long work.
 
@@ -69,6 +71,7 @@ def _check_replaceable(given: Path, target: Path, force: bool) -> None:
         )
 
 
+@stopping()
 def save_run(front: Front, folder: str | Path, *, force: bool = False, hypervolume: Hypervolume | None = None) -> Path:
     """Writes a run under a temporary name beside ``folder`` and renames it; ``force`` replaces an earlier run.
 

@@ -173,8 +173,8 @@ class Ipopt:
             stop.check()
             result = solver(x0=x0, **bounds, **multipliers)
             stats = solver.stats()
-            if _STATUS.get(stats["return_status"]) is Status.INTERRUPTED:
-                stop.check()
+            if not _STATUS.get(stats["return_status"], Status.FAILED).ok:
+                stop.check()  # what ended well is kept, even if time is over
         x, g, lam_g, lam_x = (np.array(result[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
         violation = nlp.violation(x, g)
         status = _STATUS.get(stats["return_status"], Status.FAILED)
