@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from ocp_traj import problems
-from ocp_traj.audit import audit
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.fixed_states import fixed_conflicts
 from ocp_traj.front import Front
 from ocp_traj.nlp import Solution, Status
 from ocp_traj.problem import Decomposition, Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.provenance import audit_points
 from ocp_traj.scalarise import Scalarisation, WeightedSum, check_names
 from ocp_traj.solvers.branch_and_bound import BranchAndBound, is_certifiable, require_certifiable
 from ocp_traj.solvers.exchange import Exchange
@@ -33,7 +33,6 @@ from ocp_traj.solvers.pso import PSO
 from ocp_traj.solvers.repair import largest_excess, slow_down
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
 
 FRONT_METHODS: dict[str, type[Any]] = {"trace": FrontTracer, "nsga2": NSGA2, "mopso": MOPSO, "hmoga": HMOGA}
 METHODS = tuple(FRONT_METHODS)
@@ -177,8 +176,7 @@ def _by_parts(
             return replace(solution, name=part.title, seconds=time.perf_counter() - begun)
         parts.append(solution)
     x = np.clip(recipe.combine([part.x for part in parts]), problem.lower, problem.upper)
-    candidate = trajectory(problem, x)
-    found = audit(candidate, problem.requirements)
+    candidate, found = audit_points(problem, [x])[0]
     values = evaluate_objectives(problem, x)
     return Solution(
         name=problem.id,

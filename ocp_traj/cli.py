@@ -20,7 +20,7 @@ from ocp_traj.audit import audit as run_audit
 from ocp_traj.errors import InputError, OcpTrajError
 from ocp_traj.export import export as run_export
 from ocp_traj.files import check_writable
-from ocp_traj.limits_file import check_joints, read_requirements
+from ocp_traj.limits_file import read_requirements
 from ocp_traj.nlp import Status
 from ocp_traj.plot import check_picture, plot_trajectory, save_history
 from ocp_traj.problem import Problem
@@ -28,7 +28,7 @@ from ocp_traj.reproduce import reproduce as run_reproduce
 from ocp_traj.solvers.pso import SCHEDULES
 from ocp_traj.store import check_target, save_run
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.verdicts import Audit
+from ocp_traj.verdicts import ALLOWANCE, Audit
 
 DONE, NOT_PROVED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -268,6 +268,9 @@ def audit(
     limits: Annotated[
         Path | None, typer.Option(help="Limits to audit against (TOML); its own problem's if not given.")
     ] = None,
+    allowance: Annotated[
+        float, typer.Option(metavar="SHARE", help="Of each bound, by which it may be exceeded and still be met.")
+    ] = ALLOWANCE,
     json: AsJson = False,
 ) -> int:
     """Proves that a trajectory keeps its limits, or says where not.
@@ -276,11 +279,13 @@ def audit(
     """
     moved = Trajectory.load(trajectory)
     if limits is None:
+        if allowance != ALLOWANCE:
+            raise InputError("--allowance is for limits of a file; give --limits too, or leave it out")
         checked = moved.audit()
     else:
-        requirements = read_requirements(limits)
-        check_joints(moved, requirements)
-        checked = run_audit(moved, requirements)
+        checked = run_audit(moved, read_requirements(limits), allowance=allowance)
+    if not checked.rows:
+        raise InputError(f"{limits or moved.problem} asks nothing of {trajectory}: nothing is proved; give a limit")
     screen.show(screen.audit_sheet(checked), json)
     return _verdict(checked)
 

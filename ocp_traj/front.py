@@ -13,19 +13,17 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj import measures
-from ocp_traj.audit import audit_all
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Objective, Problem
+from ocp_traj.provenance import audit_points
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
 from ocp_traj.verdicts import PROVED, UNDECIDED, VIOLATED, Audit
 
 Array = NDArray[np.float64]
 Point = Mapping[str, float] | Sequence[float]
 
 SAME = 1e-9  # relative: points closer than this in every traded objective are one point; our choice
-ON_BOUND = 1e-9  # of a variable's range, by which rounding may take it past its bound; our choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,17 +277,12 @@ def _audited(problem: Problem, traded: tuple[str, ...], vectors: Sequence[Array]
     for x in vectors:
         values = evaluate_objectives(problem, x) if np.isfinite(x).all() else dict.fromkeys(kept, np.nan)
         if all(np.isfinite(values[name]) for name in kept):
-            candidates.append((x, {name: values[name] for name in kept}, trajectory(problem, x)))
-    audits = audit_all([t for _, _, t in candidates], problem.requirements) if candidates else []
-    size = problem.upper - problem.lower
-    size = np.where(np.isfinite(size) & (size > 0.0), size, 1.0)
-    points = []
-    for (x, values, path), audit in zip(candidates, audits, strict=True):
-        room = float((np.minimum(x - problem.lower, problem.upper - x) / size).min())
-        outside = room < -ON_BOUND
-        margin, verdict = (min(audit.margin, room), VIOLATED) if outside else (audit.margin, audit.verdict)
-        points.append(FrontPoint(x, values, path, float(margin), verdict))
-    return points
+            candidates.append((x, {name: values[name] for name in kept}))
+    audited = audit_points(problem, [x for x, _ in candidates])
+    return [
+        FrontPoint(x, values, path, float(audit.margin), audit.verdict)
+        for (x, values), (path, audit) in zip(candidates, audited, strict=True)
+    ]
 
 
 def _non_dominated(traded: Sequence[Objective], points: Sequence[FrontPoint]) -> list[FrontPoint]:

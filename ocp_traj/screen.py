@@ -184,24 +184,30 @@ def audit_values(checked: Audit) -> dict[str, Any]:
         "verdict": checked.verdict,
         "margin": checked.margin,
         "allowance": checked.allowance,
+        "parameters": dict(checked.parameters),
         "rows": [vars(r) for r in checked.rows],
     }
 
 
 def _audit_tables(checked: Audit) -> list[Rows]:
-    columns = ["limit", "joint", "unit", "bound", "attained", "t [s]", "margin", "verdict"]
+    columns = ["limit", "joint", "unit", "bound", "allowance", "attained", "t [s]", "margin", "verdict"]
     proofs = [row for row in checked.rows if row.boxes]
     checks = [row for row in checked.rows if not row.boxes]
     tables: list[Rows] = [
         (
             f"Audit: {checked.verdict}",
             columns,
-            [[r.limit, r.label, r.unit, r.bound, r.attained, r.instant, r.margin, r.verdict] for r in proofs],
+            [
+                [r.limit, r.label, r.unit, r.bound, r.allowance, r.attained, r.instant, r.margin, r.verdict]
+                for r in proofs
+            ],
         )
     ]
     if checks:
         failed = [row for row in checks if row.verdict != CHECKED]
-        title = f"Points and continuity: {len(checks) - len(failed)} of {len(checks)} within tolerance"
+        title = (
+            f"Points, times, variables and continuity: {len(checks) - len(failed)} of {len(checks)} within tolerance"
+        )
         worst: Sequence[AuditRow] = failed or sorted(checks, key=lambda row: row.margin)[:1]
         names = ["row", "joint", "unit", "allowed", "found", "t [s]", "verdict"]
         rows = [[r.limit, r.label, r.unit, r.bound, r.attained, r.instant, r.verdict] for r in worst]

@@ -19,6 +19,7 @@ from ocp_traj.errors import FileFormatError, InputError, ProblemDefinitionError
 from ocp_traj.files import read_json, write_text
 
 if TYPE_CHECKING:
+    from ocp_traj.problem import Problem
     from ocp_traj.verdicts import Audit
 
 Array = NDArray[np.float64]
@@ -40,6 +41,7 @@ class Trajectory:
         case: the problem's case fields that differ from its defaults.
         variables: decision variables by block.
         parameters: global parameters by label, such as the payload.
+        origin: the problem itself, where it is at hand; a file has its id and case only.
     """
 
     curve: PiecewiseBezier
@@ -48,6 +50,7 @@ class Trajectory:
     case: Mapping[str, Any] = field(default_factory=dict)
     variables: Mapping[str, Array] = field(default_factory=dict)
     parameters: Mapping[str, float] = field(default_factory=dict)
+    origin: Problem | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         """Checks that joints and curve fit."""
@@ -79,15 +82,16 @@ class Trajectory:
         return replace(self, curve=self.curve.dilate(factor), variables={})
 
     def audit(self, **options: Any) -> Audit:
-        """Checks every limit of its problem at every instant; see ``ocp_traj.audit.audit``."""
-        from ocp_traj.audit import audit
+        """Checks every limit of its problem at every instant; see ``ocp_traj.provenance.audit_trajectories``."""
         from ocp_traj.problems import load
+        from ocp_traj.provenance import audit_trajectories
 
-        if not self.problem:
+        if self.origin is None and not self.problem:
             raise InputError(
                 "this trajectory names no problem; give its limits: ocp_traj.audit.audit(trajectory, requirements)"
             )
-        return audit(self, load(self.problem, **self.case).requirements, **options)
+        problem = load(self.problem, **self.case) if self.origin is None else self.origin
+        return audit_trajectories(problem, [self], **options)[0]
 
     def to_dict(self) -> dict[str, Any]:
         """As plain JSON values."""

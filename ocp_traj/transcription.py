@@ -74,6 +74,7 @@ def trajectory(problem: Problem, x: ArrayLike) -> Trajectory:
         case=case_fields(problem),
         variables=problem.unpack(x),
         parameters=dict(zip(problem.requirements.parameters, parameters.ravel().tolist(), strict=True)),
+        origin=problem,
     )
 
 

@@ -35,7 +35,7 @@ from ocp_traj.errors import InputError
 from ocp_traj.problem import Objective, Problem, Variable
 from ocp_traj.problems import kr90
 from ocp_traj.problems.weld_start import Start, at_rest, find_start, least_time
-from ocp_traj.requirements import ORDERS, PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.requirements import ORDERS, DurationConstraint, PathConstraint, PointConstraint, Requirements, State
 from ocp_traj.robot import Robot
 from ocp_traj.seam import Pieces, Placement, PolylineSeam, Seam, TubeSeam, at_piece
 from ocp_traj.tracking import pose_function
@@ -229,7 +229,7 @@ def _scaled_states(block: Any, weld: float, orders: Sequence[int]) -> Any:
 def _problem(
     case: Ogbemhe2019, machine: Robot, variables: Sequence[Variable], curve: Callable[[Any], PiecewiseBezier],
     limits: Sequence[PathConstraint], points: Sequence[PointConstraint], guess: Callable[[np.random.Generator], Array],
-    words: str, **more: Any,
+    words: str, durations: tuple[DurationConstraint, ...] = (), **more: Any,
 ) -> Problem:  # fmt: skip
     """What both cases share; the last two variables are the air moves' durations."""
     count = sum(len(v.labels) for v in variables)
@@ -245,7 +245,9 @@ def _problem(
         curve=curve,
         objectives=_objectives(case, machine, lambda x: x[count - 2] + x[count - 1]),
         default_objective="total",
-        requirements=Requirements(JOINTS, ("rad",) * 6, tuple(limits), tuple(points), continuity=4),
+        requirements=Requirements(
+            JOINTS, ("rad",) * 6, tuple(limits), tuple(points), continuity=4, duration_constraints=durations
+        ),
         guess=lambda rng: np.clip(guess(rng), lower, upper),
         local_derivatives=True,
         notes=notes(case),
@@ -307,6 +309,7 @@ def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstr
         case, machine, variables, curve, (*limits, *tracked),
         (_rest_constraint("start", (0, 0.0), home), _rest_constraint("end", (-1, 1.0), home)),
         guess, "a tubular seam" if not case.seam_file else "a seam",
+        durations=(DurationConstraint("weld-time", tuple(range(1, tags)), weld, weld, "our choice"),),
         curve_kind=f"nonic Bezier, approach, {tags - 1} pieces of the seam, retract",
         reference_point={"air_time": 12.0, "effort": 12.0, "movement": 25.0},
         instants={"tcp": _nodes(10), "tilt": _nodes(4), "snap-limit": _extremes(7)},
@@ -370,6 +373,8 @@ def _air_move(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstraint
     via_point = PointConstraint(
         "via", lambda s: s.q, ((1, 0.0),), points[1], points[1], UNITS[0], JOINTS, "our choice", structural=True
     )
+    if case.rest_at_tags:
+        via_point = _rest_constraint("via", (1, 0.0), points[1])
     return _problem(
         case, machine, variables, curve, limits,
         (_rest_constraint("start", (0, 0.0), points[0]), via_point, _rest_constraint("end", (-1, 1.0), points[2])),

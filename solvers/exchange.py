@@ -16,11 +16,11 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.audit import audit
 from ocp_traj.evaluate import limit_on
 from ocp_traj.nlp import NLP, Row, Solution, Status
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.provenance import audit_points
 from ocp_traj.requirements import PathConstraint
 from ocp_traj.scalarise import Scalarisation
 from ocp_traj.solvers.ipopt import Ipopt
@@ -201,7 +201,8 @@ def _finished(
     checked: Audit | None = None,
 ) -> Solution:
     """A solution with its trajectory, objectives and audit."""
-    candidate, objectives = trajectory(problem, x), evaluate_objectives(problem, x)
+    candidate, found = (trajectory(problem, x), checked) if checked else audit_points(problem, [x])[0]
+    objectives = evaluate_objectives(problem, x)
     # The NLP's sum of steps may fall short of a total variation, and traces are not what is asked for.
     if variations(problem, scalarisation.names) or problem.regularisation:
         exact = scalarisation.apply(problem, objectives)
@@ -210,7 +211,7 @@ def _finished(
         solution,
         x=x,
         trajectory=candidate,
-        audit=checked or audit(candidate, problem.requirements),
+        audit=found,
         objectives=objectives,
         seconds=time.perf_counter() - begun,
     )

@@ -21,18 +21,17 @@ import numpy as np
 from numpy.typing import NDArray
 from pymoo.util.ref_dirs import get_reference_directions
 
-from ocp_traj.audit import audit
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.nlp import Solution, Status
 from ocp_traj.population import Population
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.provenance import audit_points
 from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.pareto_set import ParetoSet
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.transcription import trajectory
 
 Array = NDArray[np.float64]
 
@@ -179,8 +178,7 @@ class _Trace:
 
     def _evaluated(self, x: Array, like: Solution) -> Solution | None:
         """A decision vector as a solution, if it is proved and new."""
-        candidate = trajectory(self.problem, x)
-        found = audit(candidate, self.problem.requirements)
+        candidate, found = audit_points(self.problem, [x])[0]
         if not found.proved or np.array_equal(x, like.x):
             return None
         values = evaluate_objectives(self.problem, x)

@@ -133,7 +133,7 @@ def along(problem: Problem, trajectory: Trajectory, largest: float | None = None
             high, above = float(masses[first]), found[first]
         if first > 0:
             low = float(masses[first - 1])
-    carried = replace(trajectory, parameters={**trajectory.parameters, PARAMETER: low})
+    carried = _carrying(problem, trajectory, low)
     row = above.failures[0]
     return LargestPayload(
         payload=low,
@@ -148,6 +148,17 @@ def along(problem: Problem, trajectory: Trajectory, largest: float | None = None
         trajectory=carried,
         audit=audits([low])[0],
     )
+
+
+def _carrying(problem: Problem, trajectory: Trajectory, mass: float) -> Trajectory:
+    """The trajectory with another payload [kg], in its case and its variables as well where they have one."""
+    case, variables = dict(trajectory.case), dict(trajectory.variables)
+    if hasattr(problem.case, PARAMETER):
+        case[PARAMETER] = mass
+    if PARAMETER in variables:
+        variables[PARAMETER] = np.array([mass])
+    parameters = {**trajectory.parameters, PARAMETER: mass}
+    return replace(trajectory, case=case, variables=variables, parameters=parameters, origin=None)
 
 
 def within(problem: Problem, max_time: float, solver: Multistart | None = None) -> LargestPayload:
