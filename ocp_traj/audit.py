@@ -57,16 +57,7 @@ def audit_all(
     if not 0.0 <= allowance < 1.0:
         raise InputError(f"the allowance is {allowance} of each bound; give a number from 0 to below 1")
     for trajectory in trajectories:
-        if trajectory.joints != requirements.joints:
-            raise InputError(
-                f"the trajectory's joints are {list(trajectory.joints)}, those of the limits "
-                f"{list(requirements.joints)}; give the same, in the same order"
-            )
-        missing = [name for name in requirements.parameters if name not in trajectory.parameters]
-        if missing:
-            raise InputError(
-                f"the limits need the parameters {missing}; the trajectory has {sorted(trajectory.parameters)}"
-            )
+        require_joints(trajectory, requirements)
     if not trajectories:
         return []
     rows: list[list[AuditRow]] = [[] for _ in trajectories]
@@ -89,6 +80,20 @@ def audit_all(
         Audit(tuple(found), allowance, {name: trajectory.parameters[name] for name in names})
         for trajectory, found in zip(trajectories, rows, strict=True)
     ]
+
+
+def require_joints(trajectory: Trajectory, requirements: Requirements) -> None:
+    """Raises ``InputError`` unless a trajectory has the joints of its limits, in their order, and the parameters."""
+    if trajectory.joints != requirements.joints:
+        raise InputError(
+            f"the trajectory's joints are {list(trajectory.joints)}, those of the limits "
+            f"{list(requirements.joints)}; give the same, in the same order"
+        )
+    missing = [name for name in requirements.parameters if name not in trajectory.parameters]
+    if missing:
+        raise InputError(
+            f"the limits need the parameters {missing}; the trajectory has {sorted(trajectory.parameters)}"
+        )
 
 
 def checked_row(

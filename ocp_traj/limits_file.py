@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import dataclass
-from pathlib import Path
 from math import isinf
+from pathlib import Path
 from sys import float_info
 from typing import Any
 
@@ -168,8 +168,8 @@ def _require_exact(file: _Table, robot: Robot, payload: float, efforts: tuple[Ar
     if not rounding <= ROUNDED * least:
         raise file.error(
             "[effort]",
-            f"cannot be proved for masses of {mass:.6g} kg in all: the dynamics' rounding, {rounding:.3g}, is more than "
-            f"{ROUNDED:g} of the least effort, {least:.6g}; check the masses",
+            f"cannot be proved for masses of {mass:.6g} kg in all: rounding of the dynamics, {rounding:.3g}, is more "
+            f"than {ROUNDED:g} of the least effort, {least:.6g}; check the masses",
         )
 
 

@@ -15,7 +15,7 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.audit import audit_all, checked_row
+from ocp_traj.audit import audit_all, checked_row, require_joints
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
 from ocp_traj.symbolic import curve_function
@@ -52,8 +52,10 @@ def audit_trajectories(problem: Problem, trajectories: Sequence[Trajectory], **o
     Raises:
         InputError: where joints, variables, parameters, case and curve of a trajectory do not agree to ``AGREE``.
     """
-    found = audit_all(trajectories, problem.requirements, **options)
+    for motion in trajectories:
+        require_joints(motion, problem.requirements)
     more = [_rows_of_variables(problem, motion) for motion in trajectories]
+    found = audit_all(trajectories, problem.requirements, **options)
     return [replace(one, rows=(*one.rows, *rows)) for one, rows in zip(found, more, strict=True)]
 
 
@@ -125,9 +127,8 @@ def recovered_variables(problem: Problem, motion: Trajectory) -> Array:
 def _slopes(curve: Any) -> Any:
     """Casadi Function x -> Jacobian of all outputs of a curve, stacked by columns."""
     x = casadi.SX.sym("x", curve.numel_in(0))
-    return casadi.Function(
-        "slopes", [x], [casadi.densify(casadi.jacobian(casadi.vertcat(*map(casadi.vec, curve(x))), x))]
-    )
+    stacked = casadi.vertcat(*map(casadi.vec, curve(x)))
+    return casadi.Function("slopes", [x], [casadi.densify(casadi.jacobian(stacked, x))])
 
 
 def _numbers(motion: Trajectory, problem: Problem) -> Array:
