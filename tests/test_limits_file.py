@@ -12,12 +12,14 @@ from scipy.interpolate import CubicSpline
 
 from ocp_traj import problems
 from ocp_traj.audit import audit
+from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.cli import run
 from ocp_traj.errors import FileFormatError, InputError
 from ocp_traj.limits_file import read_requirements
 from ocp_traj.problem import Problem
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import trajectory
-from ocp_traj.verdicts import CHECKED, VIOLATED, AuditRow
+from ocp_traj.verdicts import CHECKED, UNDECIDED, VIOLATED, AuditRow
 
 ROOT = Path(__file__).resolve().parent.parent
 FOREIGN = ROOT / "examples" / "foreign"
@@ -367,6 +369,21 @@ def test_the_examples_of_the_documentation_are_read(tmp_path: Path) -> None:
     requirements = read_requirements(write(tmp_path, limits))
     for motion in motions:
         assert audit(motion, requirements).proved, audit(motion, requirements).explain()
+
+
+def test_masses_beyond_what_the_dynamics_round_are_refused(tmp_path: Path) -> None:
+    text = (FOREIGN / "arm.urdf").read_text()
+    (tmp_path / "arm.urdf").write_text(re.sub(r'<mass value="[^"]*"', '<mass value="1e12"', text, count=1))
+    (tmp_path / "limits.toml").write_text((FOREIGN / "limits.toml").read_text())
+    with pytest.raises(FileFormatError, match=r"\[effort\] cannot be proved for masses of 1e\+12 kg in all: rounding"):
+        read_requirements(tmp_path / "limits.toml")
+
+
+def test_limits_that_ask_nothing_of_a_trajectory_prove_nothing(foreign: Trajectory, tmp_path: Path) -> None:
+    path = write(tmp_path, HEAD + "continuity = 3")
+    one = replace(foreign, curve=PiecewiseBezier(foreign.curve.durations[:1], foreign.curve.control_points[:1]))
+    assert audit(one, read_requirements(path)).verdict == UNDECIDED
+    assert run(["audit", str(one.save(tmp_path / "one.json")), "--limits", str(path)]) == 2
 
 
 def test_an_effort_of_a_robot_without_inertias_is_refused(tmp_path: Path) -> None:
