@@ -28,11 +28,13 @@ from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.nsga2 import NSGA2
 from ocp_traj.solvers.pareto_set import FrontMethod
+from ocp_traj.solvers.payload import OBJECTIVE as PAYLOAD_MASS
 from ocp_traj.solvers.payload import LargestPayload, along, static_bound, within
 from ocp_traj.solvers.pso import PSO
 from ocp_traj.solvers.repair import largest_excess, slow_down
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
+from ocp_traj.transcription import case_fields
 
 FRONT_METHODS: dict[str, type[Any]] = {"trace": FrontTracer, "nsga2": NSGA2, "mopso": MOPSO, "hmoga": HMOGA}
 METHODS = tuple(FRONT_METHODS)
@@ -319,6 +321,17 @@ def _beyond(front: Front, other: Front) -> int:
     return int((~(ours[None] <= theirs[:, None]).all(axis=2).any(axis=1)).sum())
 
 
+def _with_free_payload(problem: Problem) -> Problem:
+    """The problem with its payload among its variables and its objectives."""
+    if any(objective.id == PAYLOAD_MASS for objective in problem.objectives):
+        return problem
+    if problem.id not in problems.names():
+        raise InputError(
+            f"{problem.id} has no objective {PAYLOAD_MASS!r}: give it the payload as a variable and as that objective"
+        )
+    return problems.load(problem.id, **{**case_fields(problem), "free_payload": True})
+
+
 def payload(
     problem: Problem,
     *,
@@ -334,7 +347,6 @@ def payload(
     if trajectory is not None:
         return along(problem, trajectory)
     if max_time is not None:
-        case = {name: getattr(problem.case, name) for name in problem.case.__dataclass_fields__}
-        free = problems.load(problem.id, **{**case, "free_payload": True})
-        return within(free, max_time, Multistart(Exchange(), starts, seed, progress=progress))
+        solver = Multistart(Exchange(), starts, seed, progress=progress)
+        return within(_with_free_payload(problem), max_time, solver)
     return static_bound(problem)

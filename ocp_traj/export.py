@@ -69,7 +69,9 @@ def trajectory_table(trajectory: Trajectory, samples: int = 200) -> pd.DataFrame
     """
     sampled = trajectory.sample(samples)
     units: tuple[str, ...] | None = None
-    if trajectory.problem in problems.names():
+    if trajectory.origin is not None:
+        units = trajectory.origin.requirements.joint_units
+    elif trajectory.problem in problems.names():
         units = problems.load(trajectory.problem, **trajectory.case).requirements.joint_units
     names = []
     for quantity, per_time in zip(COLUMNS, PER_TIME, strict=True):

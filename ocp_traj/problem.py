@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -198,7 +198,7 @@ class Problem:
     figures: Callable[[Trajectory], Sequence[tuple[str, float, str]]] | None = None
     solver_options: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    _functions: dict[str, Any] = field(default_factory=dict, repr=False, init=False)
+    _functions: dict[Hashable, Any] = field(default_factory=dict, repr=False, init=False)
 
     def __post_init__(self) -> None:
         """Checks ids, terms and the curve's joints."""
@@ -284,7 +284,7 @@ class Problem:
             free = np.full(rows, np.inf)
             return PathConstraint(objective.id, objective.variation, -free, free, (objective.unit,) * rows, labels)
 
-        limit: PathConstraint = self.cached(f"variation {objective.id}", build)
+        limit: PathConstraint = self.cached(("variation", objective.id), build)
         return limit
 
     def objective(self, name: str) -> Objective:
@@ -301,7 +301,7 @@ class Problem:
         blocks = np.split(np.asarray(x, dtype=float), np.cumsum([len(v.labels) for v in self.variables])[:-1])
         return {v.id: block for v, block in zip(self.variables, blocks, strict=True)}
 
-    def cached(self, key: str, build: Callable[[], Any]) -> Any:
+    def cached(self, key: Hashable, build: Callable[[], Any]) -> Any:
         """A compiled function kept with the problem, built on first use."""
         if key not in self._functions:
             self._functions[key] = build()

@@ -6,7 +6,7 @@ plots and tables read the same expression.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -286,7 +286,7 @@ class Requirements:
     continuity: int = -1
     duration_constraints: tuple[DurationConstraint, ...] = ()
     parameter_bounds: tuple[ParameterBound, ...] = ()
-    _functions: dict[str, Any] = field(default_factory=dict, repr=False, init=False)
+    _functions: dict[Hashable, Any] = field(default_factory=dict, repr=False, init=False)
 
     def __post_init__(self) -> None:
         """Checks that ids are unique and that every expression has the shape of its labels."""
@@ -319,17 +319,19 @@ class Requirements:
 
     def function(self, limit: PathConstraint | PointConstraint) -> Any:
         """The limit's compiled expression, built once; see ``state_function``."""
-        if limit.id not in self._functions:
+
+        def build() -> Any:
             constants = getattr(limit, "constants", None)
             width = 0 if constants is None else constants.shape[1]
-            self._functions[limit.id] = state_function(
+            return state_function(
                 limit.id, limit.expression, self.dof, len(self.parameters), width, getattr(limit, "sweep", False)
             )
-        return self._functions[limit.id]
+
+        return self.compiled(limit, "expression", build)
 
     def compiled(self, limit: PathConstraint | PointConstraint, what: str, build: Callable[[], Any]) -> Any:
         """Something built from the limit's expression, kept for the next use."""
-        key = f"{limit.id} {what}"
+        key = limit.id, what
         if key not in self._functions:
             self._functions[key] = build()
         return self._functions[key]

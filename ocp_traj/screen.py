@@ -6,7 +6,7 @@ import json as json_module
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -111,7 +111,7 @@ def _notes(problem: Problem) -> list[Rows]:
 
 def problem_sheet(problem: Problem) -> Sheet:
     """A problem's case, variables, objectives and limits."""
-    case = {name: getattr(problem.case, name) for name in problem.case.__dataclass_fields__}
+    case = {f.name: getattr(problem.case, f.name) for f in fields(problem.case)} if is_dataclass(problem.case) else {}
     variables = [
         {"id": v.id, "label": label, "lower": float(low), "upper": float(high), "unit": v.unit, "eq": v.eq}
         for v in problem.variables

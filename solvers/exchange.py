@@ -76,7 +76,8 @@ class Exchange:
         return problem.rounds if self.max_rounds is None else self.max_rounds
 
     def _first(self, problem: Problem) -> list[Instant]:
-        given = [replace(instant, slope=None) for instant in self.first or ()]  # slopes of another solution mislead
+        # Slopes of another solution mislead.
+        given = [replace(instant, slope=None, sweep_slope=None) for instant in self.first or ()]
         return given or list(few_instants(problem))
 
     def solve(
@@ -109,7 +110,7 @@ class Exchange:
         for number in range(1, most + 1):
             nlp = transcribe(problem, scalarisation, instants, back_off)
             start = nlp.start(x)
-            follows = any(instant.slope is not None for instant in instants)
+            follows = any(instant.moves for instant in instants)
             limit = min(self.solver.max_iter, WARM_ITERATIONS) if follows else self.solver.max_iter
             if number == 1 and opened is not None:
                 solution = opened

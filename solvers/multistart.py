@@ -84,7 +84,7 @@ class Multistart:
         stone = problem.stepping_stone
         if stone in ("", *scalarisation.names):
             return [self.solver.solve(problem, scalarisation, x0)]
-        key = f"stepping stone {self.solver!r} {x0.tobytes().hex()}"
+        key = "stepping stone", repr(self.solver), x0.tobytes()
         first = problem.cached(key, lambda: self.solver.solve(problem, WeightedSum({stone: 1.0}), x0))
         if not first.ok:
             return [self.solver.solve(problem, scalarisation, x0)]

@@ -1,6 +1,6 @@
 """Limits that hold for all places along a link as well as at all times: proofs, attacks on them, and an NLP."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi
@@ -17,7 +17,7 @@ from ocp_traj.requirements import SWEEP, PathConstraint, Requirements, State
 from ocp_traj.scalarise import WeightedSum
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import few_instants, trajectory, transcribe
+from ocp_traj.transcription import Instant, few_instants, trajectory, transcribe
 from ocp_traj.verdicts import PROVED, UNDECIDED, VIOLATED
 
 JOINTS = ("A", "B")
@@ -173,8 +173,9 @@ def arm() -> Problem:
     )  # fmt: skip
 
 
-def test_an_exchange_ends_with_the_whole_link_proved_clear() -> None:
-    problem = arm()
+@pytest.mark.parametrize("local", [False, True])
+def test_an_exchange_ends_with_the_whole_link_proved_clear(local: bool) -> None:
+    problem = replace(arm(), local_derivatives=local)
     found = Exchange(first=few_instants(problem)).solve(
         problem, WeightedSum({"speed": 1.0}), np.array([0.0, 4.0, 0.2, 4.0])
     )
@@ -183,6 +184,18 @@ def test_an_exchange_ends_with_the_whole_link_proved_clear() -> None:
     assert scanned(found.trajectory, problem.requirements, 1500, 401) <= 0.0
     (row,) = [r for r in found.audit.rows if r.limit == "clearance"]
     assert row.margin < 1e-6 and row.sweep is not None and 0.0 < row.sweep < 1.0  # it is the link that passes closest
+
+
+def test_an_instant_that_moves_along_the_sweep_alone_is_one_that_moves() -> None:
+    problem, x = replace(arm(), local_derivatives=True), np.array([0.0, 4.0, 0.2, 4.0])
+    sliding = Instant("clearance", 0, 0.5, (0,), sweep=0.5, sweep_slope=np.full(4, 0.1), anchor=x)
+    assert sliding.moves and not Instant("clearance", 0, 0.5, (0,)).moves
+    found = transcribe(problem, WeightedSum({"speed": 1.0}), [*few_instants(problem), sliding])
+    plain = transcribe(arm(), WeightedSum({"speed": 1.0}), [*few_instants(problem), sliding])
+    for y in (x, x + 0.3):
+        values = [np.array(casadi.Function("g", [nlp.x], [nlp.g])(y)).ravel() for nlp in (found, plain)]
+        order = [[row.instant for row in nlp.rows].index(0.5) for nlp in (found, plain)]
+        assert values[0] == pytest.approx(values[1], abs=1e-14) and order[0] == order[1]
 
 
 def test_rows_and_population_know_the_sweep() -> None:
