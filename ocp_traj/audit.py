@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.errors import InputError
+from ocp_traj.motion import Motion
 from ocp_traj.prover import Prover
 from ocp_traj.requirements import ORDERS, PointConstraint, Requirements, derivative_order
 from ocp_traj.swept import SweptProver
 from ocp_traj.tape import Tape
-from ocp_traj.trajectory import Trajectory
 from ocp_traj.verdicts import ALLOWANCE, CHECKED, VIOLATED, Audit, AuditRow
 
 Array = NDArray[np.float64]
@@ -29,13 +29,13 @@ TIGHTNESS = 1e-3  # of a limit's scale: how closely a peak is enclosed once its 
 MAX_ARCS = 50_000  # a limit and trajectory
 
 
-def audit(trajectory: Trajectory, requirements: Requirements, **options: Any) -> Audit:
+def audit(trajectory: Motion, requirements: Requirements, **options: Any) -> Audit:
     """Audits one trajectory; see ``audit_all``."""
     return audit_all([trajectory], requirements, **options)[0]
 
 
 def audit_all(
-    trajectories: Sequence[Trajectory],
+    trajectories: Sequence[Motion],
     requirements: Requirements,
     *,
     allowance: float = ALLOWANCE,
@@ -82,7 +82,7 @@ def audit_all(
     ]
 
 
-def require_joints(trajectory: Trajectory, requirements: Requirements) -> None:
+def require_joints(trajectory: Motion, requirements: Requirements) -> None:
     """Raises ``InputError`` unless a trajectory has the joints of its limits, in their order, and the parameters."""
     if trajectory.joints != requirements.joints:
         raise InputError(
@@ -109,7 +109,7 @@ def checked_row(
     )  # fmt: skip
 
 
-def _check_durations(trajectory: Trajectory, requirements: Requirements) -> list[AuditRow]:
+def _check_durations(trajectory: Motion, requirements: Requirements) -> list[AuditRow]:
     curve, rows = trajectory.curve, []
     for limit in requirements.duration_constraints:
         for segment, lower, upper in zip(limit.segments, limit.lower, limit.upper, strict=True):
@@ -120,7 +120,7 @@ def _check_durations(trajectory: Trajectory, requirements: Requirements) -> list
     return rows
 
 
-def _check_parameters(trajectory: Trajectory, requirements: Requirements) -> list[AuditRow]:
+def _check_parameters(trajectory: Motion, requirements: Requirements) -> list[AuditRow]:
     return [
         checked_row("parameter", b.parameter, b.unit, trajectory.parameters[b.parameter], b.lower, b.upper, 0.0)
         for b in requirements.parameter_bounds
@@ -135,7 +135,7 @@ def _segment(curve: PiecewiseBezier, segment: int, limit: str) -> int:
 
 
 def _check_points(
-    trajectories: Sequence[Trajectory], requirements: Requirements, point: PointConstraint
+    trajectories: Sequence[Motion], requirements: Requirements, point: PointConstraint
 ) -> list[list[AuditRow]]:
     """The rows of a point constraint, per trajectory."""
     tape = requirements.compiled(point, "tape", lambda: Tape(requirements.function(point)))
@@ -156,7 +156,7 @@ def _check_points(
     return [_point_rows(trajectory, point, values[:, i]) for i, trajectory in enumerate(trajectories)]
 
 
-def _point_rows(trajectory: Trajectory, point: PointConstraint, values: Array) -> list[AuditRow]:
+def _point_rows(trajectory: Motion, point: PointConstraint, values: Array) -> list[AuditRow]:
     curve, rows = trajectory.curve, []
     for i, label in enumerate(point.labels):
         lower, upper = point.lower[:, i], point.upper[:, i]
@@ -184,7 +184,7 @@ def _point_rows(trajectory: Trajectory, point: PointConstraint, values: Array) -
     return rows
 
 
-def _check_continuity(trajectory: Trajectory, requirements: Requirements) -> list[AuditRow]:
+def _check_continuity(trajectory: Motion, requirements: Requirements) -> list[AuditRow]:
     """Jumps across inner knots: at most 1e-9 of the largest value of the derivative, beside what rounding makes."""
     curve: PiecewiseBezier = trajectory.curve
     rows: list[AuditRow] = []

@@ -13,8 +13,9 @@ import pandas as pd
 from ocp_traj import problems
 from ocp_traj.errors import InputError
 from ocp_traj.files import write_text, write_with
+from ocp_traj.motion import COLUMNS
 from ocp_traj.store import plain, read_front_csv, read_manifest
-from ocp_traj.trajectory import COLUMNS, Trajectory
+from ocp_traj.trajectory import Trajectory
 
 FORMAT = "ocp-traj/table/1"
 FORMATS = ("csv", "parquet", "json", "ros")

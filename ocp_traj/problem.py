@@ -15,8 +15,8 @@ from ocp_traj.errors import ProblemDefinitionError, UnknownName
 from ocp_traj.requirements import Expression, PathConstraint, Requirements, state_function
 
 if TYPE_CHECKING:
+    from ocp_traj.motion import Motion
     from ocp_traj.nlp import Conflict
-    from ocp_traj.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -189,13 +189,13 @@ class Problem:
     expand: bool = False
     local_derivatives: bool = False
     alternatives: Mapping[str, Problem] = field(default_factory=dict)
-    homotopy: Callable[[Trajectory], str] | None = None
+    homotopy: Callable[[Motion], str] | None = None
     settle: Callable[[Array], Array] | None = None
     explain: Callable[[Conflict], str] | None = None
     decomposition: Decomposition | None = None
     scales_in_time: bool = False
     regularisation: Mapping[str, float] = field(default_factory=dict)
-    figures: Callable[[Trajectory], Sequence[tuple[str, float, str]]] | None = None
+    figures: Callable[[Motion], Sequence[tuple[str, float, str]]] | None = None
     solver_options: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     _functions: dict[Hashable, Any] = field(default_factory=dict, repr=False, init=False)

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from ocp_traj.enclosure import Arcs, Pair, parabola_bound, peak_fraction
 from ocp_traj.errors import ProblemDefinitionError
+from ocp_traj.motion import Motion
 from ocp_traj.requirements import ORDERS, PathConstraint, Requirements
 from ocp_traj.tape import Tape
-from ocp_traj.trajectory import Trajectory
 from ocp_traj.verdicts import SEVERITY, AuditRow, decide
 
 Array = NDArray[np.float64]
@@ -108,7 +108,7 @@ class Prover:
     """
 
     def __init__(
-        self, trajectories: Sequence[Trajectory], requirements: Requirements, limit: PathConstraint,
+        self, trajectories: Sequence[Motion], requirements: Requirements, limit: PathConstraint,
         allowance: float, tightness: float, max_arcs: int,
     ) -> None:  # fmt: skip
         self.limit, self.trajectories, self.max_arcs = limit, trajectories, max_arcs

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from ocp_traj.enclosure import Arcs, Pair, parabola_bound, peak_fraction
 from ocp_traj.errors import ProblemDefinitionError
+from ocp_traj.motion import Motion
 from ocp_traj.prover import RESOLUTION, allowance_of, curvature_function, domain_function
 from ocp_traj.requirements import ORDERS, PathConstraint, Requirements
 from ocp_traj.tape import Tape
-from ocp_traj.trajectory import Trajectory
 from ocp_traj.verdicts import SEVERITY, AuditRow, decide
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ class SweptProver:
     """Encloses one swept limit over all segments of all trajectories; see ``ocp_traj.prover.Prover``."""
 
     def __init__(
-        self, trajectories: Sequence[Trajectory], requirements: Requirements, limit: PathConstraint,
+        self, trajectories: Sequence[Motion], requirements: Requirements, limit: PathConstraint,
         allowance: float, tightness: float, max_arcs: int,
     ) -> None:  # fmt: skip
         self.trajectories, self.limit = trajectories, limit
@@ -68,7 +68,7 @@ class SweptProver:
         """One row a row of the limit, for each trajectory."""
         return [self._trajectory(trajectory) for trajectory in self.trajectories]
 
-    def _trajectory(self, trajectory: Trajectory) -> list[AuditRow]:
+    def _trajectory(self, trajectory: Motion) -> list[AuditRow]:
         rows = len(self.limit.labels)
         self.parameters = np.array([[trajectory.parameters[name]] for name in self.names]).reshape(-1, 1)
         self.attained = np.full((2, rows), -np.inf)
@@ -88,7 +88,7 @@ class SweptProver:
                 pending.append(self._cut(part.take(keep), cut_time[keep], at[keep], at_sweep[keep]))
         return self._rows(trajectory)
 
-    def _start(self, trajectory: Trajectory) -> _Rectangles:
+    def _start(self, trajectory: Motion) -> _Rectangles:
         parts = []
         for k, points in enumerate(trajectory.curve.control_points):
             if not self.limit.holds_on(k):
@@ -216,14 +216,14 @@ class SweptProver:
         loose = ~(bound <= tight)
         return np.asarray((undecided | loose) & np.isfinite(self.bound)[:, :, None])
 
-    def _rows(self, trajectory: Trajectory) -> list[AuditRow]:
+    def _rows(self, trajectory: Motion) -> list[AuditRow]:
         rows = []
         for row in range(len(self.limit.labels)):
             sides = [self._row(trajectory, side, row) for side in (0, 1) if np.isfinite(self.bound[side, row])]
             rows.append(max(sides, key=lambda r: (SEVERITY[r.verdict], -r.margin)))
         return rows
 
-    def _row(self, trajectory: Trajectory, side: int, row: int) -> AuditRow:
+    def _row(self, trajectory: Motion, side: int, row: int) -> AuditRow:
         limit, sign = self.limit, (1.0, -1.0)[side]
         bound, scale = float(self.bound[side, row]), float(self.scale[row])
         attained, proved = float(self.attained[side, row]), float(self.proved[side, row])

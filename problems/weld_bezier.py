@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.curves import nonic
 from ocp_traj.errors import InputError
+from ocp_traj.motion import Motion
 from ocp_traj.problem import Objective, Problem, Variable
 from ocp_traj.problems import kr90
 from ocp_traj.problems.weld_start import Start, at_rest, find_start, least_time
@@ -39,7 +40,6 @@ from ocp_traj.requirements import ORDERS, DurationConstraint, PathConstraint, Po
 from ocp_traj.robot import Robot
 from ocp_traj.seam import Pieces, Placement, PolylineSeam, Seam, TubeSeam, at_piece
 from ocp_traj.tracking import pose_function
-from ocp_traj.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Six = tuple[float, float, float, float, float, float]
@@ -325,7 +325,7 @@ def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstr
     )  # fmt: skip
 
 
-def _figures(machine: Robot, path: Seam, cut: Pieces, motion: Trajectory) -> list[tuple[str, float, str]]:
+def _figures(machine: Robot, path: Seam, cut: Pieces, motion: Motion) -> list[tuple[str, float, str]]:
     """How closely a trajectory keeps to the seam itself, at ``SCAN`` instants a piece."""
     u = np.linspace(0.0, 1.0, SCAN)
     q = np.concatenate([motion.curve.at(k, u) for k in range(1, len(cut.tags))])

@@ -149,7 +149,7 @@ def test_jumps_at_tags_are_those_put_there() -> None:
     one = rng.normal(size=(10, 6))
     other = one[::-1].copy()  # meets the first in position; the mirror image turns odd derivatives round
     curve = PiecewiseBezier(np.array([1.0, 1.0]), (one, other))
-    found = module.jumps(Trajectory(curve, tuple("abcdef"), "none", {}, {}, {}))
+    found = module.jumps(Trajectory(curve, tuple("abcdef")))
     assert found[0] < 1e-12 and found[2] < 1e-12 and found[4] < 1e-12
     assert found[1] > 0.01 and found[3] > 0.01
 
