@@ -23,6 +23,7 @@ import casadi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ocp_traj.case import check, choice, number, numbers
 from ocp_traj.chain import AxisJoint, DHRow, LinkInertia
 from ocp_traj.curves import cubic_spline_free_ends
 from ocp_traj.errors import InputError
@@ -44,47 +45,28 @@ GRAVITY = 9.80665  # [m/s^2], below (42)
 class Guo2016:
     """The paper's numbers; a field is what a user may change."""
 
-    payload: float = 10.0  # m_p [kg], sect. 6
-    convention: str = "physical"  # of CONVENTIONS
-    weights: tuple[float, float, float, float] = (
-        0.3,
-        0.3,
-        0.2,
-        0.2,
+    payload: float = number(10.0, "kg", "a finite mass", least=0.0)  # m_p, sect. 6
+    convention: str = choice("physical", CONVENTIONS)
+    weights: tuple[float, float, float, float] = numbers(
+        (0.3, 0.3, 0.2, 0.2), least=0.0, some=True
     )  # w of time, energy, jerk, acceleration; sect. 3.1
-    via_points: str = (
-        "rederived"  # of VIA_POINTS: inverse kinematics of (156), or Table 6's digits with row 6 corrected
-    )
-    min_interval: float = 0.02  # [s], of the four intervals without a displacement: our choice
-    max_interval: float = 4.0  # [s], of every interval: our choice
+    via_points: str = choice("rederived", VIA_POINTS)  # inverse kinematics of (156), or Table 6 with row 6 corrected
+    min_interval: float = number(0.02, "s", above=0.0)  # of the four intervals without a displacement: our choice
+    max_interval: float = number(4.0, "s", above=0.0)  # of every interval: our choice
     free_payload: bool = False  # whether the payload is a decision variable; sect. 5
-    max_payload: float = 100.0  # [kg], bound on the freed payload: our choice, beyond what the limits allow
+    max_payload: float = number(100.0, "kg", "a finite mass", above=0.0)  # if freed: our choice
 
     def __post_init__(self) -> None:
         """Checks the fields."""
-        if not (np.isfinite(self.payload) and self.payload >= 0.0):
-            raise InputError(f"payload is {self.payload} kg; give a finite mass, zero or more")
-        if self.convention not in CONVENTIONS:
-            raise InputError(f"convention is {self.convention!r}; allowed are {', '.join(CONVENTIONS)}")
-        if self.via_points not in VIA_POINTS:
-            raise InputError(f"via_points is {self.via_points!r}; allowed are {', '.join(VIA_POINTS)}")
-        if (
-            len(self.weights) != 4
-            or not all(np.isfinite(w) and w >= 0.0 for w in self.weights)
-            or not any(self.weights)
-        ):
-            raise InputError(
-                f"weights are {self.weights}; give four numbers, zero or more and not all zero: "
-                "time, energy, jerk, acceleration"
-            )
-        if not 0.0 < self.min_interval < self.max_interval < np.inf:
+        check(self)
+        if not self.min_interval < self.max_interval:
             raise InputError(
                 f"min_interval {self.min_interval} s and max_interval {self.max_interval} s leave no interval; "
-                "give 0 < min_interval < max_interval"
+                "give min_interval < max_interval"
             )
-        if not (np.isfinite(self.max_payload) and self.max_payload > 0.0):
-            raise InputError(f"max_payload is {self.max_payload} kg; give a finite mass above zero")
 
+
+Case = Guo2016
 
 # Table 1 [m]. L_p: (8), with L_t = 225 mm.
 L1, L2, L3, L4, L5, L01, E = 0.420, 0.050, 0.450, 0.180, 0.180, 0.400, 0.0

@@ -30,6 +30,7 @@ from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.case import check, choice, number, numbers
 from ocp_traj.curves import nonic
 from ocp_traj.errors import InputError
 from ocp_traj.motion import Motion
@@ -64,7 +65,7 @@ NODES = {"effort": 6, "movement": 9, "jerk": 7, "snap": 6}  # Gauss-Legendre nod
 class Ogbemhe2019:
     """The numbers of a case; a field is what a user may change. Seam, torch and speeds are our choice."""
 
-    case: str = "seam"  # of CASES: approach, weld and retract, or a move through a via point
+    case: str = choice("seam", CASES)  # approach, weld and retract, or a move through a via point
     psi: float = 60.0  # [deg] between brace and chord
     chord_radius: float = 0.150  # [m]
     brace_radius: float = 0.090  # [m]
@@ -74,45 +75,37 @@ class Ogbemhe2019:
     yaw: float = 180.0  # [deg] of the chord
     seam_file: str = ""  # a CSV file of points and normals in place of the tubes; see ocp_traj.seam
     riser: float = 0.6  # [m], height the robot stands on
-    tags: int = 9  # along the seam
-    weld_speed: float = 0.008  # [m/s]
-    tcp_box: float = 0.04e-3  # [m], the tip's error along each axis
-    tcp_tolerance: float = 0.5e-3  # [m], its distance from the seam
-    max_tilt: float = 5.0  # [deg] of the torch
-    payload: float = 0.0  # [kg] at the flange, beside the torch
+    tags: int = number(9, what="a whole number", least=2, most=MOST_TAGS)  # along the seam
+    weld_speed: float = number(0.008, "m/s", above=0.0)
+    tcp_box: float = number(0.04e-3, "m", above=0.0)  # the tip's error along each axis
+    tcp_tolerance: float = number(0.5e-3, "m", above=0.0)  # its distance from the seam
+    max_tilt: float = number(5.0, "deg", "an angle", above=0.0, below=90.0)  # of the torch
+    payload: float = number(0.0, "kg", "a finite mass", least=0.0)  # at the flange, beside the torch
     home: Six = (0.0, -90.0, 100.0, 0.0, -60.0, 180.0)  # [deg]
     as_printed: bool = False  # the paper's torque limit
     rest_at_tags: bool = False  # of the air move
-    weights: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1e-3)  # of air time, effort, movement, snap in the sum
-    min_air_time: float = 0.5  # [s], of each air move
-    max_air_time: float = 30.0  # [s]
+    # Of air time, effort, movement, snap in the sum.
+    weights: tuple[float, float, float, float] = numbers((1.0, 1.0, 1.0, 1e-3), least=0.0, some=True)
+    min_air_time: float = number(0.5, "s", above=0.0)  # of each air move
+    max_air_time: float = number(30.0, "s", above=0.0)
 
     def __post_init__(self) -> None:
         """Checks the fields; those of a seam are checked where it is made."""
-        if self.case not in CASES:
-            raise InputError(f"case is {self.case!r}; allowed are {', '.join(CASES)}")
+        check(self)
         if self.rest_at_tags and self.case == "seam":
             raise InputError("rest_at_tags is for case air-move: a weld that keeps its speed does not rest at its tags")
-        for name in ("weld_speed", "tcp_box", "tcp_tolerance", "max_tilt", "min_air_time"):
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise InputError(f"{name} is {getattr(self, name)}; give a number above zero")
-        if not self.max_tilt < 90.0:
-            raise InputError(f"max_tilt is {self.max_tilt} deg; give an angle below 90")
-        if not 0.0 <= self.payload < np.inf:
-            raise InputError(f"payload is {self.payload} kg; give a finite mass, zero or more")
-        if not 2 <= self.tags <= MOST_TAGS:
-            raise InputError(f"tags is {self.tags}; give 2 to {MOST_TAGS}")
-        if not self.min_air_time < self.max_air_time < np.inf:
+        if not self.min_air_time < self.max_air_time:
             raise InputError(
                 f"min_air_time {self.min_air_time} s and max_air_time {self.max_air_time} s leave no duration; "
                 "widen them"
             )
-        if not all(0.0 <= w < np.inf for w in self.weights) or not any(self.weights):
-            raise InputError(f"weights are {self.weights}; give four numbers, zero or more and not all zero")
         low, high = kr90.POSITION
         for joint, lower, angle, upper in zip(JOINTS, low, self.home, high, strict=True):
             if not lower < angle < upper:
                 raise InputError(f"home has {joint} at {angle} deg; its range is {lower:g} to {upper:g} deg")
+
+
+Case = Ogbemhe2019
 
 
 def _gauss(points: int) -> tuple[tuple[float, float], ...]:
