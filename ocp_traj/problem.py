@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.errors import ProblemDefinitionError, UnknownName
-from ocp_traj.requirements import Expression, PathConstraint, Requirements, state_function
+from ocp_traj.objective import Objective
+from ocp_traj.requirements import PathConstraint, Requirements, state_function
 
 if TYPE_CHECKING:
     from ocp_traj.motion import Motion
@@ -62,49 +63,6 @@ class Variable:
 
 
 @dataclass(frozen=True, eq=False)
-class Objective:
-    """A quantity to be made small (or large): exactly one way of computing it is given.
-
-    Attributes:
-        id: unique name, unlike any limit's.
-        unit: SI unit.
-        scale: what a weighted sum divides it by: sum_k w_k f_k / scale_k.
-        sense: ``min`` or ``max``.
-        eq: equation of the source.
-        integrand: of the state; the objective is sum_k T_k sum_r w_r integrand(state(k, u_r)).
-        quadrature: the rule ((u_r, w_r), ..) on a segment of unit length.
-        of_variables: (x, p) -> scalar.
-        variation: of the state, linear in q; the objective is the total variation of its rows, sum_r int |dg_r/dt| dt.
-        terms: {objective id: factor}, a fixed sum of other objectives.
-    """
-
-    id: str
-    unit: str
-    scale: float = 1.0
-    sense: str = "min"
-    eq: str = ""
-    integrand: Expression | None = None
-    quadrature: tuple[tuple[float, float], ...] = ()
-    of_variables: Callable[[Any, Any], Any] | None = None
-    terms: Mapping[str, float] | None = None
-    variation: Expression | None = None
-
-    def __post_init__(self) -> None:
-        """Checks that the objective is given in exactly one way."""
-        ways = (self.integrand, self.of_variables, self.terms, self.variation)
-        if sum(way is not None for way in ways) != 1:
-            raise ProblemDefinitionError(
-                f"objective {self.id!r}: give exactly one of integrand, of_variables, terms, variation"
-            )
-        if (self.integrand is not None) != bool(self.quadrature):
-            raise ProblemDefinitionError(f"objective {self.id!r}: an integrand and its quadrature rule go together")
-        if self.sense not in ("min", "max"):
-            raise ProblemDefinitionError(f"objective {self.id!r}: sense {self.sense!r}; allowed 'min', 'max'")
-        if not (np.isfinite(self.scale) and self.scale > 0.0):
-            raise ProblemDefinitionError(f"objective {self.id!r}: scale {self.scale}; it must be positive")
-
-
-@dataclass(frozen=True, eq=False)
 class Decomposition:
     """A recipe that solves parts of a problem alone and puts them together, whatever that does to the limits.
 
@@ -115,10 +73,6 @@ class Decomposition:
 
     parts: tuple[Problem, ...]
     combine: Callable[[Sequence[Array]], Array]
-
-
-TRAPEZOID = ((0.0, 0.5), (1.0, 0.5))
-MIDPOINT = ((0.5, 1.0),)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,8 @@ from typing import Any, Protocol
 import casadi
 
 from ocp_traj.errors import InputError, UnknownName
-from ocp_traj.problem import Objective, Problem
+from ocp_traj.objective import Objective
+from ocp_traj.problem import Problem
 
 
 @dataclass(frozen=True)

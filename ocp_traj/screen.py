@@ -20,6 +20,7 @@ from rich.text import Text
 from ocp_traj import progress as progress_module
 from ocp_traj.front import Front, Hypervolume
 from ocp_traj.nlp import Solution
+from ocp_traj.objective import rule_name
 from ocp_traj.problem import Problem
 from ocp_traj.reproduce import Reproduction
 from ocp_traj.solvers.payload import LargestPayload
@@ -125,6 +126,7 @@ def problem_sheet(problem: Problem) -> Sheet:
             "sense": o.sense,
             "eq": o.eq,
             "reference": problem.reference_point.get(o.id),
+            "integral by": rule_name(o.quadrature),
         }
         for o in problem.objectives
     ]

@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier, total_variation
 from ocp_traj.local_derivatives import Lifted
-from ocp_traj.problem import Objective, Problem
+from ocp_traj.objective import Objective
+from ocp_traj.problem import Problem
 from ocp_traj.requirements import ORDERS, derivative_order, state_function
 
 Array = NDArray[np.float64]

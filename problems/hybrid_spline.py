@@ -28,7 +28,8 @@ from ocp_traj.chain import AxisJoint, DHRow, LinkInertia
 from ocp_traj.curves import cubic_spline_free_ends
 from ocp_traj.errors import InputError
 from ocp_traj.limits import Limits
-from ocp_traj.problem import MIDPOINT, TRAPEZOID, Objective, Problem, Variable
+from ocp_traj.objective import MIDPOINT, TRAPEZOID, Objective
+from ocp_traj.problem import Problem, Variable
 from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
 from ocp_traj.robot import ActuatorMap, Robot
 

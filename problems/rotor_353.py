@@ -23,7 +23,6 @@ from typing import Any
 import casadi
 import numpy as np
 import pinocchio as pin
-from numpy.polynomial.legendre import leggauss
 from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
@@ -31,7 +30,8 @@ from ocp_traj.case import check, choice, number, numbers
 from ocp_traj.chain import AxisJoint, LinkInertia
 from ocp_traj.curves import polynomial_353
 from ocp_traj.errors import InputError
-from ocp_traj.problem import Decomposition, Objective, Problem, Variable
+from ocp_traj.objective import Objective, gauss
+from ocp_traj.problem import Decomposition, Problem, Variable
 from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
 from ocp_traj.robot import ActuatorMap, Robot
 from ocp_traj.six_axis import Branches, SixAxisArm, wrapped
@@ -237,12 +237,6 @@ def worst_worth_having(case: ZhuWang, points: Array, machine: Robot) -> dict[str
         "work": 4.0 * float(share @ np.abs(tau * v).sum(axis=0)),
         "jerk": 10.0 * float(share @ (jerk**2).sum(axis=0)),
     }
-
-
-def gauss(points: int) -> tuple[tuple[float, float], ...]:
-    """Gauss-Legendre rule on [0, 1]: exact for polynomials up to degree 2 points - 1."""
-    nodes, weights = leggauss(points)
-    return tuple(((1.0 + float(u)) / 2.0, float(w) / 2.0) for u, w in zip(nodes, weights, strict=True))
 
 
 def build(case: ZhuWang | None = None) -> Problem:

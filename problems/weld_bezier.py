@@ -26,7 +26,6 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
@@ -34,7 +33,8 @@ from ocp_traj.case import check, choice, number, numbers
 from ocp_traj.curves import nonic
 from ocp_traj.errors import InputError
 from ocp_traj.motion import Motion
-from ocp_traj.problem import Objective, Problem, Variable
+from ocp_traj.objective import Objective, gauss
+from ocp_traj.problem import Problem, Variable
 from ocp_traj.problems import kr90
 from ocp_traj.problems.weld_start import Start, at_rest, find_start, least_time
 from ocp_traj.requirements import ORDERS, DurationConstraint, PathConstraint, PointConstraint, Requirements, State
@@ -108,11 +108,6 @@ class Ogbemhe2019:
 Case = Ogbemhe2019
 
 
-def _gauss(points: int) -> tuple[tuple[float, float], ...]:
-    nodes, weights = leggauss(points)
-    return tuple(((1.0 + float(u)) / 2.0, float(w) / 2.0) for u, w in zip(nodes, weights, strict=True))
-
-
 def _nodes(count: int) -> tuple[float, ...]:
     """Chebyshev's nodes on [0, 1], between which a polynomial held there cannot swing far."""
     return tuple(float(u) for u in (1.0 - np.cos(np.pi * (np.arange(count) + 0.5) / count)) / 2.0)
@@ -151,7 +146,7 @@ def _objectives(case: Ogbemhe2019, machine: Robot, air: Callable[[Any], Any]) ->
     floating = kr90.robot(case.payload, riser=case.riser, gravity=0.0)
 
     def integral(name: str, unit: str, eq: str, integrand: Callable[[State], Any], rule: str = "") -> Objective:
-        return Objective(name, unit, 1.0, eq=eq, integrand=integrand, quadrature=_gauss(NODES[rule or name]))
+        return Objective(name, unit, 1.0, eq=eq, integrand=integrand, quadrature=gauss(NODES[rule or name]))
 
     def strain(robot: Robot) -> Callable[[State], Any]:
         return lambda s: casadi.sumsqr(kr90.torque(robot, s.q, s.v, s.a) / strength)

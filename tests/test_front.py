@@ -12,7 +12,8 @@ from ocp_traj import problems
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.errors import InputError, UnknownName
 from ocp_traj.front import Front
-from ocp_traj.problem import Objective, Problem, Variable
+from ocp_traj.objective import Objective
+from ocp_traj.problem import Problem, Variable
 from ocp_traj.requirements import PathConstraint, Requirements
 
 

@@ -11,7 +11,8 @@ from numpy.testing import assert_array_equal
 from ocp_traj import problems
 from ocp_traj.errors import InputError, OcpTrajError, ProblemDefinitionError, UnknownName
 from ocp_traj.nlp import NLP, Row, Solution, Status
-from ocp_traj.problem import TRAPEZOID, Objective, Variable
+from ocp_traj.objective import TRAPEZOID, Objective
+from ocp_traj.problem import Variable
 from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State, derivative_order, state_function
 from tests.closed_form import quintic_problem, stairs_problem
 
@@ -135,8 +136,7 @@ def test_point_bounds_broadcast_over_instants() -> None:
             {"integrand": lambda s: s.v, "of_variables": lambda x, p: x[0], "quadrature": TRAPEZOID},
             "give exactly one of integrand, of_variables, terms",
         ),
-        ({"integrand": lambda s: s.v}, "an integrand and its quadrature rule go together"),
-        ({"terms": {"x": 1.0}, "quadrature": TRAPEZOID}, "an integrand and its quadrature rule go together"),
+        ({"terms": {"x": 1.0}, "quadrature": TRAPEZOID}, "a quadrature rule is for an integrand; leave it out"),
         ({"terms": {"x": 1.0}, "sense": "least"}, "sense 'least'; allowed 'min', 'max'"),
         ({"terms": {"x": 1.0}, "scale": 0.0}, "scale 0.0; it must be positive"),
         ({"terms": {"x": 1.0}, "scale": -1.0}, "scale -1.0; it must be positive"),

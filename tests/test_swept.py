@@ -11,8 +11,9 @@ from ocp_traj.audit import audit
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.errors import KinkedExpression, ProblemDefinitionError
 from ocp_traj.evaluate import limit_on, swept_on
+from ocp_traj.objective import Objective, gauss
 from ocp_traj.population import Population
-from ocp_traj.problem import Objective, Problem, Variable
+from ocp_traj.problem import Problem, Variable
 from ocp_traj.requirements import SWEEP, PathConstraint, Requirements, State
 from ocp_traj.scalarise import WeightedSum
 from ocp_traj.solvers.exchange import Exchange
@@ -142,11 +143,6 @@ def test_samples_take_the_worst_place_along_the_sweep() -> None:
 @dataclass(frozen=True)
 class Plain:
     """A case without fields."""
-
-
-def gauss(count: int) -> tuple[tuple[float, float], ...]:
-    nodes, weights = np.polynomial.legendre.leggauss(count)
-    return tuple(zip((0.5 + 0.5 * nodes).tolist(), (0.5 * weights).tolist(), strict=True))
 
 
 def arm() -> Problem:
