@@ -191,7 +191,7 @@ def test_equation_errata_show_their_numbers(hybrid: Problem, literal: Problem) -
     assert "0.870 as printed, 1.066 so, 1.068 reported" in errata["(154), z3"].reason
 
 
-def test_payload_and_sum_of_energies_are_the_readings_nearest_to_it(hybrid: Problem, literal: Problem) -> None:
+def test_payload_and_sum_of_energies_are_the_nearest_readings(hybrid: Problem, literal: Problem) -> None:
     """Of weight upright or along the tool, and |U||v| summed after squaring or before, one is near 3921.602."""
     tried = np.array([energies(hybrid), energies(literal)])
     assert tried == approx(np.array([[2629.785, 3015.499], [2562.021, 3914.556]]), abs=5e-4)
@@ -200,7 +200,7 @@ def test_payload_and_sum_of_energies_are_the_readings_nearest_to_it(hybrid: Prob
 
 
 def test_tool_cannot_point_along_the_tangent() -> None:
-    """The paper's o and n by the model's own forward kinematics at Table 6's joints, against the chord of neighbours."""
+    """The paper's o and n by the model's forward kinematics at Table 6's joints, against the chord of neighbours."""
     q, symbols = paper.via_points(paper.Guo2016()), casadi.SX.sym("q", 5)
     rotation, position = paper.robot().tool_pose(symbols)
     pose = casadi.Function("pose", [symbols], [rotation[:, 0], rotation[:, 1], position])

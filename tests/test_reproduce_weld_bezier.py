@@ -100,6 +100,15 @@ def test_the_papers_time_is_enough_for_a_quarter_to_a_half_of_a_degree() -> None
     assert [round(float(first.iloc[i]), 1) for i in (1, 2, 3)] == [1.6, 2.8, 4.4]
 
 
+def test_objectives_and_limits_name_where_the_text_has_them() -> None:
+    """(19) is a vector of torques; the aim of little movement, and the shorter cycle, are in words only."""
+    problem = problems.load("weld-bezier", case="air-move")
+    at = {o.id: o.eq for o in problem.objectives}
+    assert (at["effort"], at["movement"], at["air_time"]) == ("(1)", "sect. III-A", "sect. I")
+    limits = {limit.id: limit.eq for limit in problem.requirements.path_constraints}
+    assert (limits["position-limit"], limits["snap-limit"], limits["torque"]) == ("(20)", "Table 3", "(25)")
+
+
 def test_more_than_half_of_the_cells_are_beyond_the_limits() -> None:
     table = outside()
     assert table["of"].sum() == 60 and table["outside"].sum() == 32

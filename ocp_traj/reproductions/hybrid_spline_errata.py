@@ -152,7 +152,7 @@ def tangent_angles() -> Array:
     up, down = (1.0 + np.cos(tilt)) / 2.0, (1.0 - np.cos(tilt)) / 2.0
     o = np.stack([s * root - c * up, -c * root - s * up, down], axis=1)
     n = np.stack([-s * np.cos(tilt) - c * root, c * np.cos(tilt) - s * root, -root], axis=1)
-    return np.degrees(np.arccos(np.stack([(o * tangent).sum(axis=1), (n * tangent).sum(axis=1)])))
+    return np.asarray(np.degrees(np.arccos(np.stack([(o * tangent).sum(axis=1), (n * tangent).sum(axis=1)]))))
 
 
 def jerk_as_printed(motion: Trajectory) -> float:
