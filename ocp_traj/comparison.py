@@ -21,7 +21,7 @@ from ocp_traj.problem import Problem
 
 Array = NDArray[np.float64]
 
-FORMAT = "ocp-traj/reproduction/1"
+FORMAT = "ocp-traj/reproduction/2"
 AGREES, ERRATUM, DIFFERS = "agrees", "erratum", "differs"
 VERDICTS = (AGREES, ERRATUM, DIFFERS)
 LAST_BITS = 1e-9  # of the tolerance: a number half-way between two prints rounds to either

@@ -275,6 +275,6 @@ def test_whole_paper_with_one_seed() -> None:
     for run in genetic:
         gap = run.objectives["cost [-]"] / best[run.variant] - 1.0
         assert 0.0 < gap < (0.002 if run.method == "NSGA-II of the cost" else 0.1)
-    assert json.loads(json.dumps(result.to_dict(), allow_nan=False))["format"] == "ocp-traj/reproduction/1"
+    assert json.loads(json.dumps(result.to_dict(), allow_nan=False))["format"] == "ocp-traj/reproduction/2"
     assert {erratum.where for erratum in result.errata} >= {"Table 6, row 6 X_S3", "(30), A1 and B1"}
     assert not foreign("hybrid-spline", result.comparisons, result.runs)

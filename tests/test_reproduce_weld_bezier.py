@@ -195,7 +195,7 @@ def test_the_reproduction_has_every_table_and_is_plain_json(monkeypatch: pytest.
     for name, value in (("POPULATION", 40), ("GENERATIONS", 30), ("POINTS", 4)):
         monkeypatch.setattr(module, name, value)
     found = reproduce("weld-bezier", seeds=1)
-    assert json.loads(json.dumps(found.to_dict()))["format"] == "ocp-traj/reproduction/1"
+    assert json.loads(json.dumps(found.to_dict()))["format"] == "ocp-traj/reproduction/2"
     (cells,) = [c for c in found.comparisons if c.table == "Tables 5-11"]
     assert cells.ours == 32.0 and cells.verdict == "differs" and cells.paper is None
     ours = [run for run in found.runs if run.source == "ours"]

@@ -116,7 +116,7 @@ def test_the_genetic_algorithm_stands_beside_ipopt(found: Reproduction) -> None:
     table = found.extra[title].set_index("method")
     assert "on 1 seed," in title and len(table) == 4
     ipopt = table.loc["IPOPT with exchange, one start"]
-    assert ipopt["median gap"] == approx(0.0, abs=1e-7)
+    assert ipopt["median gap"] == approx(0.0, abs=1e-7) and ipopt["within 0.1%"] == 1
     genetic = table.drop(index="IPOPT with exchange, one start")
     assert (genetic["proved"] == 1).all() and (genetic["median gap"] > 0.005).all()
     assert (genetic["median gap"] < 0.2).all() and (genetic["median effort"] == 16000).all()
