@@ -5,11 +5,12 @@ Curve               cubic splines through 11 via points, at rest at both ends, t
 Objectives          time z1, energy z2, jerk z3, acceleration z4, their weighted sum Fc  (112)-(116), (153), (154)
 Subject to          position (118), velocity (119), acceleration (120), jerk (121), force (122) for all t; Table 2
 Deviations
-  The payload is a point mass at the tool frame, so its weight is a force of gravity. The paper's own numbers follow
-  from a constant force along the tool's axis: ``convention="paper-literal"``, which also sums |U||v| before squaring.
+  The payload is a point mass at the tool frame, so its weight is a force of gravity. The paper's own numbers are met
+  closest by a constant force along the tool's axis, of which it says nothing: ``convention="paper-literal"``, which
+  also sums |U||v| before squaring.
   Jerk limits of joints 1-3 are 100 m/s^3 (Table 2 prints 100 000 m/s^3, meant are mm). Z0 points down.
   Row 6 of Table 6 must read X_S3 = 226.38; rows 2 and 12 follow from h and are no data. (60) and (67) mix frames, (30)
-  lacks a division of A1 by L3. The yaw range below (7) is a limit as well. Bounds on h: (152) where an interval has a
+  lacks a division of A1 by L3. The yaw range below (4) is a limit as well. Bounds on h: (152) where an interval has a
   given displacement, else ``min_interval`` (our choice), and ``max_interval`` (our choice).
 """
 
@@ -167,7 +168,7 @@ def inverse_kinematics(position: ArrayLike, axis: ArrayLike) -> Array:
     y, x = a[:, 1] * (az - 1.0) + a[:, 0] * nz, a[:, 0] * (az - 1.0) - a[:, 1] * nz
     sine = (p[:, 1] - LP * a[:, 1] + (E * y / ((az - 1.0) ** 2 + nz**2) if E else 0.0)) / L3
     if (np.abs(sine) > sqrt(0.5)).any():
-        raise InputError("inverse kinematics: a position is out of reach, its yaw lies beyond +-45 deg (below (7))")
+        raise InputError("inverse kinematics: a position is out of reach, its yaw lies beyond +-45 deg (below (4))")
     alpha = np.arcsin(sine)
     phi5 = np.arctan2(-sqrt(2.0) * nz, 2.0 * az - 1.0)
     phi4 = np.arctan2(y, x) - alpha
@@ -265,7 +266,7 @@ def build(case: Guo2016 | None = None) -> Problem:
     forces = ("F1", "F2", "F3", "tau4", "tau5")
     limits.append(PathConstraint("force", force, weakest, strongest, machine.effort_units, forces, "(122)"))
     yaw = np.array([L1])
-    limits.append(PathConstraint("yaw", lambda s: s.q[1] - s.q[0], -yaw, yaw, ("m",), ("X_S2 - X_S1",), "(7)"))
+    limits.append(PathConstraint("yaw", lambda s: s.q[1] - s.q[0], -yaw, yaw, ("m",), ("X_S2 - X_S1",), "below (4)"))
     rest = PointConstraint(
         "rest", lambda s: casadi.vertcat(s.v, s.a), ((0, 0.0), (-1, 1.0)), np.zeros(10), np.zeros(10),
         tuple(f"{u}/s" for u in UNITS) + tuple(f"{u}/s2" for u in UNITS),
@@ -299,7 +300,6 @@ TABLE_9 = {  # Fc, z1 .. z4
     "fmincon, mean of 100": {"cost": 3.220, "time": 7.146, "energy": 3250.239, "jerk": 2.510, "acceleration": 0.252},
 }
 SECONDS = {"NSGA-II, best": 74.55, "fmincon, mean of 100": 1032.78}  # sect. 6; the second for all 100 starts
-NSGA_II_EVALUATIONS = 100 * 200  # individuals times generations, sect. 6
 LARGEST_PAYLOAD = "12.65"  # [kg] sect. 6
 PAYLOAD_RANGE = ("0", "10")  # m_pl, m_pu of (123) [kg], Table 1
 TRACKING_ERROR = {"standard deviation": "0.0840", "variance": "0.0071", "maximum": "0.2933"}  # [mm, mm2, mm], Fig. 15

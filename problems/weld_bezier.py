@@ -2,15 +2,16 @@
 
 Decision variables  velocity, acceleration, jerk and snap of the joints at every tag, and their positions, each times a
                     power of the time between tags; the durations of the air moves
-Curve               Bezier segments of degree 9, C4 at the tags, at rest at home    (5)-(18)
-Objectives          effort (1), movement (19), air time, jerk and snap; effort without gravity (our choice)
-Subject to          position (20), velocity .. snap (21)-(25, Table 3) on both sides for all t, torque; the torch's tip
-                    and tilt along the seam
+Curve               Bezier segments of degree 9, C4 at the tags, at rest at home    (6)-(18)
+Objectives          effort (1), movement (sect. III-A), air time (sect. I), jerk and snap (sect. VII), integrals of
+                    squares our choice; effort without gravity (our choice)
+Subject to          position (20), velocity .. snap (21)-(24, Table 3) and torque (25) on both sides for all t; the
+                    torch's tip and tilt along the seam (our choice)
 Deviations
-  (16) and (18) are misprinted, (20) lacks a sign; (21)-(25) are one-sided, and (1) and (19) sum torques with their
-  signs, which has no least value: squares here. Table 2 and Tables 5-11 contradict the limits and are not used. The
-  paper has no dynamic data, seam, torch nor weld speed: the robot is a stand-in (see ``ocp_traj.problems.kr90``), the
-  rest our choice. Torques are limited by its efforts; ``as_printed`` takes the paper's 35 000 N m for every joint.
+  (16) and (18) are misprinted, (20) has a sign too many; (21)-(25) are one-sided, and (1) and (19) have torques with
+  their signs, which have no least value: squares here. Table 2 and Tables 5-11 contradict the limits and are not used.
+  The paper has no dynamic data, seam, torch nor weld speed: the robot is a stand-in (see ``ocp_traj.problems.kr90``),
+  the rest our choice. Torques are limited by its efforts; ``as_printed`` takes the paper's 35 000 N m for every joint.
   The paper stops at nothing but leaves the time between tags open: a weld runs at its speed, and air moves take what
   the limits ask for. ``rest_at_tags`` is the literal reading for air moves: rest at every tag.
 """
@@ -153,12 +154,12 @@ def _objectives(case: Ogbemhe2019, machine: Robot, air: Callable[[Any], Any]) ->
 
     parts = dict(zip(("air_time", "effort", "movement", "snap"), case.weights, strict=True))
     return (
-        Objective("air_time", "s", 1.0, eq="sect. III-C", of_variables=lambda x, p: air(x)),
+        Objective("air_time", "s", 1.0, eq="sect. I", of_variables=lambda x, p: air(x)),
         integral("effort", "s", "(1)", strain(machine)),
         integral("dynamic_effort", "s", "our choice", strain(floating), "effort"),
-        integral("movement", "rad2/s", "(19)", lambda s: casadi.sumsqr(s.v)),
-        integral("jerk", "rad2/s5", "our choice", lambda s: casadi.sumsqr(s.jerk)),
-        integral("snap", "rad2/s7", "our choice", lambda s: casadi.sumsqr(s.snap)),
+        integral("movement", "rad2/s", "sect. III-A", lambda s: casadi.sumsqr(s.v)),
+        integral("jerk", "rad2/s5", "sect. VII", lambda s: casadi.sumsqr(s.jerk)),
+        integral("snap", "rad2/s7", "sect. VII", lambda s: casadi.sumsqr(s.snap)),
         Objective("total", "-", 1.0, eq="our choice", terms=parts),
     )
 
@@ -177,7 +178,7 @@ def _joint_limits(case: Ogbemhe2019, machine: Robot) -> list[PathConstraint]:
     def torque(s: State) -> Any:
         return kr90.torque(machine, s.q, s.v, s.a)
 
-    limits.append(PathConstraint("torque", torque, -effort, effort, machine.effort_units, JOINTS, "sect. III-B"))
+    limits.append(PathConstraint("torque", torque, -effort, effort, machine.effort_units, JOINTS, "(25)"))
     return limits
 
 
@@ -187,7 +188,7 @@ def _rest_constraint(id: str, at: tuple[int, float], q: Array) -> PointConstrain
     labels = tuple(f"{order} {joint}" for order in ORDERS for joint in JOINTS)
     return PointConstraint(
         id, lambda s: casadi.vertcat(s.q, s.v, s.a, s.jerk, s.snap), (at,), state, state,
-        tuple(unit for units in UNITS for unit in units), labels, "sect. III", structural=True,
+        tuple(unit for units in UNITS for unit in units), labels, "sect. IV-B", structural=True,
     )  # fmt: skip
 
 

@@ -463,7 +463,7 @@ class HybridRobot:
         }
 
     def worst_excess(self, data: dict[str, Any], samples: int = 20_000) -> float:
-        """Largest relative excess over Table 2 and the yaw range below (7) of a saved trajectory; < 0 where met."""
+        """Largest relative excess over Table 2 and the yaw range below (4) of a saved trajectory; < 0 where met."""
         curve = bpoly_of(data)
         t = np.linspace(0.0, curve.x[-1], samples)
         q, v, a, jerk = (curve.derivative(order)(t) if order else curve(t) for order in range(4))

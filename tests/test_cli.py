@@ -63,7 +63,7 @@ def test_show_names_every_limit_with_bounds_unit_and_equation(call: Call) -> Non
     assert code == 0
     force = [row for row in sheet["limits"] if row["id"] == "force"]
     assert [row["upper"] for row in force] == [500.0, 500.0, 500.0, 17.0, 17.0]
-    assert {row["eq"] for row in sheet["limits"]} == {"(118)", "(119)", "(120)", "(121)", "(122)", "(7)"}
+    assert {row["eq"] for row in sheet["limits"]} == {"(118)", "(119)", "(120)", "(121)", "(122)", "below (4)"}
     assert all(row["unit"] for row in sheet["limits"])
     table = call("show", "hybrid-spline", "--set", "payload=7.25")[1]
     assert "7.25" in table and "jerk-limit" in table
