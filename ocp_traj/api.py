@@ -85,9 +85,10 @@ def solve(
         options: fields of the class of ``pso`` or ``ga``, such as ``population``.
 
     Returns:
-        The best solution, with trajectory, objectives and audit; infeasible ones name the limits in conflict. A problem
-        with a ``decomposition`` is solved by its parts: what they combine to may break limits of the whole.
-        ``solution.alternatives`` holds those of all alternatives, where the problem leaves a choice open.
+        The best solution, with trajectory, objectives and audit; one that is infeasible, or locally so from every
+        start, names the limits in conflict. A problem with a ``decomposition`` is solved by its parts: what they
+        combine to may break limits of the whole. ``solution.alternatives`` holds those of all alternatives, where the
+        problem leaves a choice open.
     """
     if starts is None:
         starts = max(problem.starts, OPTIMA_STARTS if all_optima else 1)
@@ -108,14 +109,17 @@ def solve(
         }  # fmt: skip
         optima = sorted((o for s in solved.values() for o in s.optima), key=lambda o: o.solution.f)
         seconds = sum(s.seconds for s in solved.values())
-        return replace(best_of(list(solved.values())), alternatives=solved, optima=tuple(optima), seconds=seconds)
+        started = sum(s.starts for s in solved.values())
+        return replace(
+            best_of(list(solved.values())), alternatives=solved, optima=tuple(optima), seconds=seconds, starts=started
+        )
     conflicts = fixed_conflicts(problem)
     if conflicts:
         # Broken where nothing can be changed: no solver needs to try.
         nothing = np.full(problem.size, np.nan)
         return Solution(
             problem.id, nothing, np.nan, Status.INFEASIBLE, conflicts[0].excess / conflicts[0].row.scale, 0, 0.0,
-            conflicts=conflicts, detail="broken at an end, whatever the variables",
+            conflicts=conflicts, detail="broken at an end, whatever the variables", starts=0,
         )  # fmt: skip
     if problem.decomposition is not None:
         return _by_parts(problem, problem.decomposition, objective, weights, method, starts, seed, solver, **options)

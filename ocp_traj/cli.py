@@ -154,7 +154,9 @@ def solve(
         screen.say(solution.certificate.explain())
     if solution.status is Status.FEASIBLE:
         screen.say(f"feasible, not optimal: {solution.detail}")
-    return _verdict(solution.audit, solution.status.ok)
+    elif not solution.ok:
+        screen.say(f"{solution.status.value}: {solution.detail}")
+    return _verdict(solution.audit, solution.ok and solution.moved)
 
 
 @app.command()

@@ -239,6 +239,8 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         "iterations": solution.iterations,
         "rounds": solution.rounds,
         "rows": solution.row_count,
+        "starts": solution.starts,
+        "moved": solution.moved,
         "conflicts": [
             {
                 "limit": c.row.limit,

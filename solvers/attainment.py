@@ -147,7 +147,7 @@ def _solved(
     """A proved solution, or None: with the neighbour's instants, and once more with the solver's own grid."""
     tries = [solver] if neighbour is None else [replace(solver, first=neighbour.instants), solver]
     for attempt in tries:
-        solution = attempt.solve(problem, goal, x)
+        solution = attempt.solve(problem, goal, x).own  # the point itself stays in any case
         found.solves += 1
         found.iterations += solution.iterations
         if solution.ok and solution.audit is not None and solution.audit.proved:

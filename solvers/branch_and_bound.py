@@ -413,6 +413,7 @@ class _Search:
         if self._lagrangian is None:
             return best
         multipliers, tape = self._lagrangian
+        end = np.full(len(best), self.upper)  # not the threshold: it may be beyond, and bounds are as good as they are
         whole = (np.vstack([box[0], best[None]]), np.vstack([box[1], end[None]]))
         point = np.vstack([centre, np.clip(0.5 * (best + end), best, end)[None]])
         m = np.repeat(multipliers[:, None], len(best), axis=1)
@@ -422,7 +423,8 @@ class _Search:
         spread = _outward(whole[0] - point, whole[1] - point)
         change = _sum([_product((a, b), (c, d)) for a, b, c, d in zip(*slopes, *spread, strict=True)])[0]
         found = np.nextafter(start[0] + change, -np.inf) * DOWN
-        return np.maximum(best, np.where(np.isfinite(found), found, 0.0))
+        # Of times beyond its end the Lagrangian says nothing but that they are beyond it.
+        return np.maximum(best, np.minimum(np.where(np.isfinite(found), found, 0.0), end))
 
     def _remember(self, centre: Array, times: Array) -> None:
         """Keeps the middle with the least time that the limits looked at allow."""

@@ -125,13 +125,14 @@ class _Trace:
             self._count(solution)
             if solution.ok:
                 self._add(solution)
-            elif solution.status is Status.INFEASIBLE:
-                raise NoSolutionFound(f"{solution.explain()} (the least {name}, the others within the reference point)")
             else:
                 missing.append((name, solution))
         for name, failure in missing:
             if not self.solutions:
-                raise NoSolutionFound(f"{failure.explain()}; no end of the front was found")
+                raise NoSolutionFound(
+                    f"{failure.explain()} (the least {name}, the others within the reference point); "
+                    "no end of the front was found"
+                )
             bounds = {self.names.index(n): self._sign(n) * bound for n, bound in self._end(name).bounds.items()}
             x0, nearest = self._start(list(range(len(self.solutions))), bounds)
             solution = self.tracer.solver.solve(self.problem, self._end(name), x0)
@@ -261,11 +262,11 @@ class _Trace:
         others = [self.solutions[i].x for i in neighbours if i != nearest]
         # Once more, from the neighbours themselves and with all rows: of many local optima the other may lead to a
         # better one.
-        for x in [known.x, *others] if not solution.ok else others if self.problem.starts > 1 else []:
+        for x in [known.x, *others] if not solution.own.ok else others if self.problem.starts > 1 else []:
             again = self.tracer.solver.solve(self.problem, scalar, x)
             self._count(again)
             solution = best_of([solution, again])
-            if solution.ok and self.problem.starts == 1:
+            if solution.own.ok and self.problem.starts == 1:
                 break
         new = False
         if solution.ok:

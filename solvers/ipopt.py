@@ -31,7 +31,7 @@ _STATUS = {
     "Solve_Succeeded": Status.SOLVED,
     "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
     "Feasible_Point_Found": Status.FEASIBLE,
-    "Infeasible_Problem_Detected": Status.INFEASIBLE,
+    "Infeasible_Problem_Detected": Status.LOCALLY_INFEASIBLE,
     "Search_Direction_Becomes_Too_Small": Status.FAILED,
     "Diverging_Iterates": Status.UNBOUNDED,
     "User_Requested_Stop": Status.INTERRUPTED,
@@ -49,6 +49,8 @@ _STATUS = {
     "Insufficient_Memory": Status.FAILED,
     "Internal_Error": Status.FAILED,
 }
+
+_STOPPED = (Status.LOCALLY_INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT)  # perhaps at a feasible point
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,7 @@ class Ipopt:
             finer = scaled._run(nlp, solution.x, None, begun)
             if finer.ok and finer.f <= solution.f:
                 solution = replace(finer, iterations=solution.iterations + finer.iterations)
-        if solution.status is Status.INFEASIBLE:
+        if solution.status is Status.LOCALLY_INFEASIBLE:
             return replace(solution, conflicts=self.conflicts(nlp, solution.x), seconds=time.perf_counter() - begun)
         return solution
 
@@ -154,7 +156,7 @@ class Ipopt:
         status = _STATUS.get(stats["return_status"], Status.FAILED)
         if status.ok and not violation <= self.feasibility:
             status = Status.FAILED
-        elif status in (Status.INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT) and violation <= self.feasibility:
+        elif status in _STOPPED and violation <= self.feasibility:
             status = Status.FEASIBLE
         return Solution(
             name=nlp.name,
@@ -172,9 +174,9 @@ class Ipopt:
         )
 
     def conflicts(self, nlp: NLP, x0: Array) -> tuple[Conflict, ...]:
-        """The limits that cannot hold together, from the elastic problem: least sum of excesses over the bounds.
+        """The limits that do not hold together, from the elastic problem: least sum of excesses over the bounds.
 
-        A limit with an excess cannot be met; one without, but with a multiplier, is in its way.
+        A limit with an excess is not met at the point it comes to; one without, but with a multiplier, is in its way.
         """
         n, m = nlp.x.numel(), nlp.g.numel()
         over, under = casadi.MX.sym("over", m), casadi.MX.sym("under", m)
