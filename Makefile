@@ -12,9 +12,6 @@ INSTALL = $(PIP) install --quiet --prefer-binary
 # A file stays on one worker, so what its tests share is computed once.
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
-# One thread: the results repeat bit by bit, and the workers do not fight for the cores.
-export OPENBLAS_NUM_THREADS = 1
-
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
 .PHONY: help front test test-slow coverage lint clean

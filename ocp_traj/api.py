@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from ocp_traj import problems
-from ocp_traj.errors import InputError, NoSolutionFound
+from ocp_traj.blas import one_blas_thread
+from ocp_traj.errors import InputError, NoSolutionFound, quoted
 from ocp_traj.fixed_states import fixed_conflicts
 from ocp_traj.front import Front
 from ocp_traj.nlp import Solution, Status
@@ -27,11 +28,12 @@ from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.nsga2 import NSGA2
-from ocp_traj.solvers.pareto_set import FrontMethod
+from ocp_traj.solvers.pareto_set import ENDED_AFTER, FrontMethod
 from ocp_traj.solvers.payload import OBJECTIVE as PAYLOAD_MASS
 from ocp_traj.solvers.payload import LargestPayload, along, static_bound, within
 from ocp_traj.solvers.pso import PSO
 from ocp_traj.solvers.repair import largest_excess, slow_down
+from ocp_traj.stopping import current, stopping
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import case_fields
@@ -53,6 +55,7 @@ def scalarisation(problem: Problem, objective: str | None, weights: Mapping[str,
     return chosen
 
 
+@one_blas_thread
 def solve(
     problem: Problem,
     *,
@@ -89,30 +92,56 @@ def solve(
         start, names the limits in conflict. A problem with a ``decomposition`` is solved by its parts: what they
         combine to may break limits of the whole. ``solution.alternatives`` holds those of all alternatives, where the
         problem leaves a choice open.
+
+    Raises:
+        KeyboardInterrupt: after Ctrl-C before the first start has ended; later on the best so far is returned, and its
+            ``interrupted`` says what was left undone. It takes the time of an iteration of IPOPT, or of a generation.
     """
+    with stopping() as stop:
+        found = _solve(
+            problem, objective=objective, weights=weights, method=method, starts=starts, seed=seed,
+            all_optima=all_optima, solver=solver, certify=certify, progress=progress, **options,
+        )  # fmt: skip
+        return replace(found, interrupted=found.interrupted or "at its very end") if stop.tell() else found
+
+
+def _solve(
+    problem: Problem, *, objective: str | None, weights: Mapping[str, float] | None, method: str, starts: int | None,
+    seed: int, all_optima: bool, solver: Exchange | None, certify: bool | None, progress: Progress, **options: Any,
+) -> Solution:  # fmt: skip
     if starts is None:
         starts = max(problem.starts, OPTIMA_STARTS if all_optima else 1)
     if starts < 1:
         raise InputError(f"starts is {starts}; give one or more")
     if method not in SOLVE_METHODS:
-        raise InputError(f"there is no method {method!r}; methods are {', '.join(SOLVE_METHODS)}")
+        raise InputError(f"there is no method {quoted(method)}; methods are {', '.join(SOLVE_METHODS)}")
     scalar = scalarisation(problem, objective, weights)
     if certify:
         require_certifiable(problem, scalar)
     if problem.alternatives:
-        solved = {
-            name: solve(
-                alternative, objective=objective, weights=weights, method=method, starts=starts, seed=seed,
-                all_optima=all_optima, solver=solver, certify=certify, progress=progress, **options,
-            )
-            for name, alternative in problem.alternatives.items()
-        }  # fmt: skip
+        solved: dict[str, Solution] = {}
+        for name, alternative in problem.alternatives.items():
+            try:
+                solved[name] = solve(
+                    alternative, objective=objective, weights=weights, method=method, starts=starts, seed=seed,
+                    all_optima=all_optima, solver=solver, certify=certify, progress=progress, **options,
+                )  # fmt: skip
+            except KeyboardInterrupt as reason:
+                if not solved:
+                    raise
+                current().take(reason)
+                break
         optima = sorted((o for s in solved.values() for o in s.optima), key=lambda o: o.solution.f)
         seconds = sum(s.seconds for s in solved.values())
         started = sum(s.starts for s in solved.values())
+        interrupted = ", ".join(f"{s.interrupted} of {name}" for name, s in solved.items() if s.interrupted)
+        if len(solved) < len(problem.alternatives):
+            left = [name for name in problem.alternatives if name not in solved]
+            interrupted = f"{interrupted or 'after ' + ', '.join(solved)}, before {', '.join(left)}"
         return replace(
-            best_of(list(solved.values())), alternatives=solved, optima=tuple(optima), seconds=seconds, starts=started
-        )
+            best_of(list(solved.values())), alternatives=solved, optima=tuple(optima), seconds=seconds,
+            interrupted=interrupted, starts=started,
+        )  # fmt: skip
     conflicts = fixed_conflicts(problem)
     if conflicts:
         # Broken where nothing can be changed: no solver needs to try.
@@ -134,7 +163,7 @@ def solve(
     proved = found.audit is not None and found.audit.proved
     default = method == "exchange" and problem.size <= MOST_DURATIONS and is_certifiable(problem, scalar)
     wanted = default if certify is None else certify
-    if not (wanted and proved and found.ok):
+    if not (wanted and proved and found.ok) or found.interrupted:
         return found
     judge = BranchAndBound(progress=progress)
     if method == "exchange":
@@ -149,13 +178,24 @@ def _population(
     chosen = configured(POPULATION_METHODS, method, seed=seed, progress=progress, **options)
     found: list[Solution] = []
     failure: NoSolutionFound | None = None
+    stop = current()
     for k in range(runs):
         try:
             found.append(replace(chosen, seed=seed + k).solve(problem, scalar))
         except NoSolutionFound as error:
             failure = error
+        except KeyboardInterrupt as reason:
+            if not found:
+                raise
+            stop.take(reason)
+        if stop.interrupted:
+            break
     if not found and failure is not None:
+        stop.check()
         raise failure
+    if stop.tell() and runs > 1:
+        ended = [solution for solution in found if not solution.interrupted]
+        return replace(best_of(found), interrupted=f"after {len(ended)} of {runs} starts")
     return best_of(found)
 
 
@@ -171,7 +211,7 @@ def _by_parts(
         for name in scalar.names:
             if name not in known:
                 raise InputError(
-                    f"{problem.id} is solved by parts here, and {part.title!r} has no objective {name!r}; "
+                    f"{problem.id} is solved by parts here, and {part.title!r} has no objective {quoted(name)}; "
                     f"it has {', '.join(known)}"
                 )
         solution = solve(
@@ -196,20 +236,22 @@ def _by_parts(
         trajectory=candidate,
         audit=found,
         detail=f"{len(parts)} parts solved alone and put together: not an optimum of the whole",
+        interrupted="; ".join(f"{p.interrupted} of {p.name}" for p in parts if p.interrupted),
     )
 
 
 def configured(table: Mapping[str, type[Any]], method: str, **options: Any) -> Any:
     """A method's object; options it does not have are refused."""
     if method not in table:
-        raise InputError(f"there is no method {method!r}; methods are {', '.join(table)}")
+        raise InputError(f"there is no method {quoted(method)}; methods are {', '.join(table)}")
     known = [f.name for f in fields(table[method])]
     for name in options:
         if name not in known:
-            raise InputError(f"{method} has no option {name!r}; its options are {', '.join(known)}")
+            raise InputError(f"{method} has no option {quoted(name)}; its options are {', '.join(known)}")
     return table[method](**options)
 
 
+@one_blas_thread
 def pareto(
     problem: Problem,
     objectives: Sequence[str],
@@ -228,14 +270,27 @@ def pareto(
         objectives: two or more ids.
         method: one of ``METHODS``.
         seed: of everything random.
-        budget: stop after this time [s] with what is there.
+        budget: stop after this time [s] with what is there; to prove that takes a little longer.
         keep_unproved: whether points stay that are not proved, even slowed down.
         progress: told how far it is.
         options: fields of the method's class, such as ``points`` of trace and ``population`` of nsga2.
 
     Returns:
-        The front: proved, non-dominated points.
+        The front: proved, non-dominated points. Ctrl-C ends it early with those it has, within the time of an iteration
+        of IPOPT or of a generation: then ``front.info["interrupted"]`` is true, and ``front.info["ended after"]`` says
+        what was done of how much, as it does where the budget was too small.
     """
+    with stopping():
+        return _pareto(
+            problem, objectives, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
+            progress=progress, **options,
+        )  # fmt: skip
+
+
+def _pareto(
+    problem: Problem, objectives: Sequence[str], *, method: str, seed: int, budget: float | None, keep_unproved: bool,
+    progress: Progress, **options: Any,
+) -> Front:  # fmt: skip
     if len(objectives) < 2 or len(set(objectives)) != len(objectives):
         raise InputError(f"a front trades two or more different objectives; got {', '.join(objectives) or 'none'}")
     for name in objectives:
@@ -247,16 +302,16 @@ def pareto(
             raise InputError(f"the budget is {budget} s; give a time above zero")
         options["max_seconds"] = budget
     if problem.alternatives:
-        if budget is not None:
-            budget /= len(problem.alternatives)
+        options.pop("max_seconds", None)
         return _best_front(
             {
                 name: partial(
-                    pareto, alternative, objectives, method=method, seed=seed, budget=budget,
-                    keep_unproved=keep_unproved, progress=progress, **options,
+                    pareto, alternative, objectives, method=method, seed=seed, keep_unproved=keep_unproved,
+                    progress=progress, **options,
                 )
                 for name, alternative in problem.alternatives.items()
-            }
+            },
+            budget,
         )  # fmt: skip
     chosen: FrontMethod = configured(FRONT_METHODS, method, seed=seed, progress=progress, **options)
     conflicts = fixed_conflicts(problem)
@@ -265,32 +320,40 @@ def pareto(
             f"{problem.id}: no trajectory meets these limits together: {'; '.join(map(str, conflicts))}"
         )
     found = chosen.pareto(problem, objectives)
-    settled = found.xs if problem.settle is None else [problem.settle(x) for x in found.xs]
-    xs, checked = slow_down(problem, settled)
-    for i, one in enumerate(checked):
-        if (
-            not one.proved and problem.settle is not None
-        ):  # what was found may be proved, if a little less was asked of it
-            xs[i] = slow_down(problem, [found.xs[i]])[0][0]
-    info = {**found.info, "interrupted": found.interrupted}
+    interrupted = current().tell()
+    if not found.xs and not interrupted:
+        within = "" if budget is None else f" within its budget of {budget:g} s; give it more"
+        raise NoSolutionFound(f"{problem.id}: {method} found no point{within}")
+    xs, checked = slow_down(problem, found.xs if problem.settle is None else [problem.settle(x) for x in found.xs])
+    # What was found may be proved where what it was settled to is not: a little less is asked of it.
+    unproved = [i for i, one in enumerate(checked) if not one.proved] if problem.settle is not None else []
+    for i, x in zip(unproved, slow_down(problem, [found.xs[i] for i in unproved])[0], strict=True):
+        xs[i] = x
+    info = {**found.info, "interrupted": interrupted}
     return Front.of(
         problem, tuple(objectives), xs,
         method=found.method, seed=found.seed, seconds=found.seconds, info=info, keep_unproved=keep_unproved,
     )  # fmt: skip
 
 
-def _best_front(runs: Mapping[str, Callable[[], Front]]) -> Front:
-    """The front of the alternative that dominates most of the box of all; ``info`` says what the others have."""
+def _best_front(runs: Mapping[str, Callable[..., Front]], budget: float | None) -> Front:
+    """The front of the alternative that dominates most of the box of all; ``info`` says what the others have.
+
+    Each gets an even share of what the ones before it have left of the budget.
+    """
     fronts: dict[str, Front] = {}
-    reasons = []
-    for name, run in runs.items():
+    reasons: list[NoSolutionFound] = []
+    begun, stop = time.perf_counter(), current()
+    for number, (name, run) in enumerate(runs.items()):
+        left = None if budget is None else max(budget - (time.perf_counter() - begun), 1e-3) / (len(runs) - number)
         try:
-            fronts[name] = run()
+            fronts[name] = run(budget=left)
         except NoSolutionFound as error:
             reasons.append(error)
-        if name in fronts and fronts[name].info.get("interrupted"):
+        if stop.interrupted:
             break
     if not fronts:
+        stop.check()
         raise reasons[0]
     filled = [front for front in fronts.values() if len(front)]
     signs = {o.id: 1.0 if o.sense == "min" else -1.0 for front in filled for o in front.traded}
@@ -313,7 +376,10 @@ def _best_front(runs: Mapping[str, Callable[[], Front]]) -> Front:
         for name in runs
     }
     seconds = sum(front.seconds for front in fronts.values())
-    return replace(chosen, seconds=seconds, info={**chosen.info, "alternative": best, "alternatives": others})
+    info = {**chosen.info, "alternative": best, "alternatives": others, "interrupted": stop.tell()}
+    ended = [f"{front.info[ENDED_AFTER]} of {name}" for name, front in fronts.items() if ENDED_AFTER in front.info]
+    ended += [f"nothing of {name}" for name in runs if name not in fronts and stop.interrupted]
+    return replace(chosen, seconds=seconds, info={**info, ENDED_AFTER: ", ".join(ended)} if ended else info)
 
 
 def _beyond(front: Front, other: Front) -> int:
@@ -336,6 +402,7 @@ def _with_free_payload(problem: Problem) -> Problem:
     return problems.load(problem.id, **{**case_fields(problem), "free_payload": True})
 
 
+@one_blas_thread
 def payload(
     problem: Problem,
     *,
@@ -345,7 +412,11 @@ def payload(
     seed: int = 0,
     progress: Progress = silent,
 ) -> LargestPayload:
-    """The largest payload: for every time law, along a trajectory, or of all trajectories within a time [s]."""
+    """The largest payload: for every time law, along a trajectory, or of all trajectories within a time [s].
+
+    Ctrl-C raises ``KeyboardInterrupt``, unless a start of the last has ended: then the best so far is returned, and
+    ``found.solution.interrupted`` says so.
+    """
     if trajectory is not None and max_time is not None:
         raise InputError("give a trajectory or a time, not both")
     if trajectory is not None:

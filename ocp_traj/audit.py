@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.errors import InputError
+from ocp_traj.blas import one_blas_thread
+from ocp_traj.errors import MOST_NAMES, InputError, quoted
 from ocp_traj.motion import Motion
 from ocp_traj.prover import Prover
 from ocp_traj.requirements import ORDERS, PointConstraint, Requirements, derivative_order
@@ -34,6 +35,7 @@ def audit(trajectory: Motion, requirements: Requirements, **options: Any) -> Aud
     return audit_all([trajectory], requirements, **options)[0]
 
 
+@one_blas_thread
 def audit_all(
     trajectories: Sequence[Motion],
     requirements: Requirements,
@@ -86,8 +88,8 @@ def require_joints(trajectory: Motion, requirements: Requirements) -> None:
     """Raises ``InputError`` unless a trajectory has the joints of its limits, in their order, and the parameters."""
     if trajectory.joints != requirements.joints:
         raise InputError(
-            f"the trajectory's joints are {list(trajectory.joints)}, those of the limits "
-            f"{list(requirements.joints)}; give the same, in the same order"
+            f"the trajectory's joints are {quoted(list(trajectory.joints), MOST_NAMES)}, those of the limits "
+            f"{quoted(list(requirements.joints), MOST_NAMES)}; give the same, in the same order"
         )
     missing = [name for name in requirements.parameters if name not in trajectory.parameters]
     if missing:

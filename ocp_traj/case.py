@@ -11,7 +11,7 @@ from dataclasses import MISSING, Field, field, fields
 from math import isfinite
 from typing import Any
 
-from ocp_traj.errors import InputError, UnknownName
+from ocp_traj.errors import InputError, UnknownName, quoted
 
 
 def number(
@@ -69,10 +69,12 @@ def convert(owner: str, cls: Any, changes: dict[str, Any]) -> dict[str, Any]:
     known = {f.name: f for f in fields(cls)}
     for name in changes:
         if name not in known:
-            raise UnknownName(f"{owner} has no case field {name!r}; fields are {', '.join(known)}")
-    return {
-        name: _converted(f"{owner}: {name} is {value!r}; give", known[name], value) for name, value in changes.items()
-    }
+            raise UnknownName(f"{owner} has no case field {quoted(name)}; fields are {', '.join(known)}")
+
+    def converted(name: str, value: Any) -> Any:
+        return _converted(f"{owner}: {name} is {quoted(value)}; give", known[name], value)
+
+    return {name: converted(name, value) for name, value in changes.items()}
 
 
 def check(case: Any) -> None:
@@ -80,7 +82,7 @@ def check(case: Any) -> None:
     for f in fields(case):
         value, kind = getattr(case, f.name), f.metadata.get("kind")
         if kind == "choice" and value not in f.metadata["among"]:
-            raise InputError(f"{f.name} is {value!r}; allowed are {', '.join(f.metadata['among'])}")
+            raise InputError(f"{f.name} is {quoted(value)}; allowed are {', '.join(f.metadata['among'])}")
         if kind == "number" and not _within(value, f.metadata):
             unit = f" {f.metadata['unit']}" if f.metadata["unit"] else ""
             raise InputError(f"{f.name} is {value}{unit}; give {f.metadata['what']}{_bounds(f.metadata)}")
@@ -98,7 +100,8 @@ def _check_numbers(f: Field[Any], value: Any) -> None:
     unit = f" {allowed['unit']}" if allowed["unit"] else ""
     zero = " and not all zero" if allowed["some"] else ""
     none = ", or none" if allowed["empty"] else ""
-    raise InputError(f"{f.name} is {value}{unit}; give {allowed['size']} finite numbers{_bounds(allowed)}{zero}{none}")
+    wanted = f"{allowed['size']} finite numbers{_bounds(allowed)}{zero}{none}"
+    raise InputError(f"{f.name} is {quoted(value)}{unit}; give {wanted}")
 
 
 def _within(value: float, allowed: Any) -> bool:

@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from ocp_traj import problems
-from ocp_traj.errors import InputError
+from ocp_traj.errors import InputError, quoted
 from ocp_traj.files import write_text, write_with
 from ocp_traj.motion import COLUMNS
 from ocp_traj.store import plain, read_front_csv, read_manifest
@@ -38,7 +38,7 @@ def export(source: str | Path, format: str, destination: str | Path, *, samples:
     """
     origin, target = Path(source), Path(destination)
     if format not in FORMATS:
-        raise InputError(f"there is no export format {format!r}; formats are {', '.join(FORMATS)}")
+        raise InputError(f"there is no export format {quoted(format)}; formats are {', '.join(FORMATS)}")
     if Path(source).resolve() == Path(destination).resolve():
         raise InputError(f"the export would overwrite its source {source}; give another file")
     if not 2 <= samples <= MOST_SAMPLES:

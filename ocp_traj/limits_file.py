@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ocp_traj import problems
 from ocp_traj.dynamics import ROUND_OFF
-from ocp_traj.errors import FileFormatError, InputError
+from ocp_traj.errors import FileFormatError, InputError, cut, quoted
 from ocp_traj.files import read_text
 from ocp_traj.limits import QUANTITIES, UNLIMITED, Limits
 from ocp_traj.requirements import (
@@ -58,7 +58,7 @@ class _Table:
     def only(self, *keys: str) -> None:
         for key in self.values:
             if key not in keys:
-                raise self.error(key, f"is not allowed here; allowed are {', '.join(keys)} ({SI})")
+                raise self.error(cut(key), f"is not allowed here; allowed are {', '.join(keys)} ({SI})")
 
     def table(self, name: str, *keys: str) -> _Table:
         """The table called ``name``, empty if there is none; it may hold ``keys`` only."""
@@ -74,7 +74,7 @@ class _Table:
             raise self.error(key, f"is missing; give {wanted}")
         value = self.values.get(key, default)
         if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool) or not sound(value):
-            raise self.error(key, f"is {value!r}; give {wanted}")
+            raise self.error(key, f"is {quoted(value)}; give {wanted}")
         return value
 
     def numbers(self, key: str, size: int, what: str, default: list[float] | None = None) -> Array:
@@ -102,11 +102,11 @@ def read_requirements(path: str | Path) -> Requirements:
     try:
         file = _Table(Path(path), "", tomllib.loads(read_text(path, "limits"), parse_float=_float))
     except tomllib.TOMLDecodeError as error:
-        raise FileFormatError(f"{path} is not a limits file: not TOML ({error})") from error
+        raise FileFormatError(f"{path} is not a limits file: not TOML ({cut(str(error), 200)})") from error
     except RecursionError as error:
         raise FileFormatError(f"{path} is not a limits file: nested too deep") from error
     if (kind := file.values.get("format")) != FORMAT:
-        raise FileFormatError(f"{path} is not a limits file: its format is {kind!r}; allowed is {FORMAT!r}")
+        raise FileFormatError(f"{path} is not a limits file: its format is {quoted(kind)}; allowed is {FORMAT!r}")
     file.only("format", "joints", "units", "continuity", *QUANTITIES, "robot", "payload", "rest", "tool")
     wanted = 'a list of different names, such as ["A1", "A2"]'
     joints = tuple(file.get("joints", list, wanted, _are_names))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from io import StringIO
 from itertools import pairwise
 from math import factorial
 from pathlib import Path
@@ -14,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import fixed_quad
 from scipy.interpolate import make_interp_spline
 
-from ocp_traj.errors import InputError
+from ocp_traj.errors import InputError, cut
+from ocp_traj.files import read_text
 from ocp_traj.seam import NODES, Formula, Placement, SeamPoints, unit
 
 Array = NDArray[np.float64]
@@ -60,9 +62,10 @@ class PolylineSeam:
     def read(cls, file: str | Path, place: Placement | None = None) -> Self:
         """From a CSV file with the columns x, y, z [m] and nx, ny, nz, the normal that points out of the seam."""
         path, wanted = Path(file), ["x", "y", "z", "nx", "ny", "nz"]
+        text = read_text(path, "seam")
         try:
-            table = pd.read_csv(path)
-        except (OSError, ValueError) as error:
+            table = pd.read_csv(StringIO(text))
+        except ValueError as error:  # of pandas' parser
             raise InputError(f"{path} is no readable CSV file: {error}") from error
         table.columns = [str(name).split("[")[0].strip() for name in table.columns]
         missing = [name for name in wanted if name not in table.columns]
@@ -71,7 +74,7 @@ class PolylineSeam:
         try:
             numbers = table[wanted].to_numpy(dtype=float)
         except ValueError as error:
-            raise InputError(f"{path}: {error}; give numbers") from error
+            raise InputError(f"{path}: {cut(str(error))}; give numbers") from error
         return cls(numbers[:, :3], -numbers[:, 3:], place)
 
     @property

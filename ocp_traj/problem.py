@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.errors import ProblemDefinitionError, UnknownName
+from ocp_traj.errors import ProblemDefinitionError, UnknownName, quoted
 from ocp_traj.objective import Objective
 from ocp_traj.requirements import PathConstraint, Requirements, state_function
 
@@ -247,7 +247,7 @@ class Problem:
             if objective.id == name:
                 return objective
         raise UnknownName(
-            f"{self.id} has no objective {name!r}; objectives are {', '.join(o.id for o in self.objectives)}"
+            f"{self.id} has no objective {quoted(name)}; objectives are {', '.join(o.id for o in self.objectives)}"
         )
 
     def unpack(self, x: ArrayLike) -> dict[str, Array]:

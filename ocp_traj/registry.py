@@ -9,8 +9,9 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any
 
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.case import convert
-from ocp_traj.errors import InputError, UnknownName
+from ocp_traj.errors import InputError, UnknownName, quoted
 from ocp_traj.problem import Problem
 
 GROUP = "ocp_traj.problems"  # entry points NAME = "module", of modules that have ``build`` and ``Case``
@@ -72,7 +73,7 @@ def entry(id: str) -> Entry:
         return _registered[id]
     found = _of_other_packages() | MODULES
     if id not in found:
-        raise UnknownName(f"there is no problem {id!r}; problems are {', '.join(names())}")
+        raise UnknownName(f"there is no problem {quoted(id)}; problems are {', '.join(names())}")
     module = import_module(found[id])
     return Entry(module.build, module.Case, module)
 
@@ -87,6 +88,7 @@ def module(id: str) -> Any:
     return entry(id).module
 
 
+@one_blas_thread
 def load(id: str, **changes: Any) -> Problem:
     """Builds a problem, with fields of its case changed.
 

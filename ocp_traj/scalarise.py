@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import casadi
 import numpy as np
 
-from ocp_traj.errors import InputError, UnknownName
+from ocp_traj.errors import InputError, UnknownName, quoted
 from ocp_traj.objective import Objective
 from ocp_traj.problem import Problem
 
@@ -168,4 +168,4 @@ def check_names(problem: Problem, scalarisation: Scalarisation) -> None:
     known = [objective.id for objective in problem.objectives]
     for name in (*scalarisation.names, *getattr(scalarisation, "weights", ())):
         if name not in known:
-            raise UnknownName(f"{problem.id} has no objective {name!r}; objectives are {', '.join(known)}")
+            raise UnknownName(f"{problem.id} has no objective {quoted(name)}; objectives are {', '.join(known)}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json as json_module
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ocp_traj import progress as progress_module
+from ocp_traj.errors import cut
 from ocp_traj.front import Front, Hypervolume
 from ocp_traj.nlp import Solution
 from ocp_traj.objective import rule_name
@@ -28,6 +29,7 @@ from ocp_traj.store import plain
 from ocp_traj.verdicts import CHECKED, Audit, AuditRow
 
 WIDE = 160  # columns of a table that does not go to a terminal
+LONGEST_MESSAGE = 4000  # [characters]: our choice
 MOST_VARIABLES, SMALL_BLOCK = 60, 4  # with more than the one, only blocks up to the other are printed: our choice
 
 Rows = tuple[str, Sequence[str], Sequence[Sequence[Any]]]  # title, column names, rows
@@ -57,8 +59,9 @@ def show(sheet: Sheet, json: bool) -> None:
 
 
 def say(words: str) -> None:
-    """Prints a message on stderr."""
-    print(words, file=sys.stderr)
+    """Prints a message on stderr, its middle left out where it is very long; one that cannot be written is lost."""
+    with suppress(OSError):  # nobody is there to be told
+        print(cut(words, LONGEST_MESSAGE), file=sys.stderr, flush=True)
 
 
 @contextmanager
@@ -257,6 +260,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         else {**vars(solution.certificate), "gap": solution.certificate.gap},
         "audit": audit_values(solution.audit) if solution.audit is not None else {"verdict": None, "rows": []},
         "detail": solution.detail,
+        "interrupted": solution.interrupted,
         "notes": list(problem.notes),
         "figures": [{"name": n, "value": v, "unit": u} for n, v, u in figures],
     }

@@ -21,7 +21,8 @@ import pandas as pd
 
 import ocp_traj
 from ocp_traj import problems
-from ocp_traj.errors import FileFormatError, InputError
+from ocp_traj.blas import one_blas_thread
+from ocp_traj.errors import FileFormatError, InputError, quoted
 from ocp_traj.files import read_json, read_text
 from ocp_traj.front import Front, FrontPoint, Hypervolume
 from ocp_traj.plot import plot_front
@@ -134,6 +135,7 @@ def describe(front: Front, hypervolume: Hypervolume | None = None) -> dict[str, 
     return dict(described)
 
 
+@one_blas_thread
 def load_run(folder: str | Path) -> Front:
     """Reads a run folder; the problem is built again from its id and case.
 
@@ -168,7 +170,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     run = read_json(folder / "run.json", "run")
     kind = run.get("format") if isinstance(run, dict) else None
     if kind != FORMAT:
-        raise FileFormatError(f"{folder / 'run.json'} is not a run: its format is {kind!r}; allowed is {FORMAT!r}")
+        raise FileFormatError(
+            f"{folder / 'run.json'} is not a run: its format is {quoted(kind)}; allowed is {FORMAT!r}"
+        )
     return dict(run)
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.errors import FileFormatError, InputError
+from ocp_traj.errors import FileFormatError, InputError, cut, quoted
 from ocp_traj.files import read_json, write_text
 from ocp_traj.motion import Motion
 
@@ -98,13 +98,15 @@ class Trajectory(Motion):
         kind = data.get("format") if isinstance(data, dict) else None
         readers = {FORMAT: _read_control_points, SAMPLES_FORMAT: _read_samples, SPLINE_FORMAT: _read_spline}
         if not isinstance(kind, str) or kind not in readers:
-            raise FileFormatError(f"{source} is not a trajectory: its format is {kind!r}; allowed {', '.join(readers)}")
+            raise FileFormatError(
+                f"{source} is not a trajectory: its format is {quoted(kind)}; allowed {', '.join(readers)}"
+            )
         try:
             curve = readers[kind](data)
             return cls(
                 curve,
                 _names(data["joints"]),
-                {k: float(_finite(v, f"the parameter {k}", 0)) for k, v in data.get("parameters", {}).items()},
+                {k: float(_finite(v, f"the parameter {cut(k)}", 0)) for k, v in data.get("parameters", {}).items()},
                 str(data.get("problem", "")),
                 dict(data.get("case", {})),
                 {k: np.atleast_1d(np.asarray(v, dtype=float)) for k, v in data.get("variables", {}).items()},
@@ -112,12 +114,12 @@ class Trajectory(Motion):
         except KeyError as error:
             raise FileFormatError(f"{source}: the field {error} of format {kind} is missing") from error
         except (TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
-            raise FileFormatError(f"{source} is not a sound {kind} file: {error}") from error
+            raise FileFormatError(f"{source} is not a sound {kind} file: {cut(str(error), 200)}") from error
 
 
 def _names(joints: Any) -> tuple[str, ...]:
     if not isinstance(joints, list | tuple) or len({str(name) for name in joints}) < len(joints):
-        raise ValueError(f"joints are {joints!r}; give a list of different names")
+        raise ValueError(f"joints are {quoted(joints)}; give a list of different names")
     return tuple(str(name) for name in joints)
 
 
@@ -141,7 +143,7 @@ def _read_samples(data: dict[str, Any]) -> PiecewiseBezier:
     times, positions = _finite(data["times"], "times", 1), _finite(data["positions"], "positions", 2)
     rest = data.get("rest", False)
     if not isinstance(rest, bool):
-        raise ValueError(f"rest is {rest!r}; give true or false")
+        raise ValueError(f"rest is {quoted(rest)}; give true or false")
     return PiecewiseBezier.from_ppoly(CubicSpline(times, positions, bc_type="clamped" if rest else "not-a-knot"))
 
 

@@ -22,9 +22,10 @@ from ocp_traj.population import Population
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress
 from ocp_traj.scalarise import Scalarisation
-from ocp_traj.solvers.pareto_set import ParetoSet
+from ocp_traj.solvers.pareto_set import ENDED_AFTER, ParetoSet
 from ocp_traj.solvers.repair import slow_down
 from ocp_traj.solvers.scaling import TimeScaling
+from ocp_traj.stopping import STOPS, stopping
 from ocp_traj.symbolic import degrees, evaluate_objectives
 from ocp_traj.transcription import trajectory
 
@@ -130,7 +131,7 @@ class Evolution:
         history: a row a generation: ``evaluations``, ``best`` (least feasible value so far of the first objective, NaN
             where there is none) and ``violation`` (least sum of excesses in the generation).
         seconds: spent.
-        interrupted: whether Ctrl-C ended it.
+        interrupted: whether Ctrl-C ended it before its last generation.
     """
 
     best: Array
@@ -163,25 +164,27 @@ def evolve(
     begun = time.perf_counter()
     algorithm.setup(target, termination=("n_gen", generations), seed=seed, verbose=False)
     rows: list[tuple[int, float, float]] = []
-    least, interrupted = np.nan, False
+    least = np.nan
     champion: Array | None = None
-    try:
-        while algorithm.has_next() and time.perf_counter() - begun < max_seconds:
-            if before is not None:
-                before(algorithm, len(rows))
-            algorithm.next()
-            x, f, excess = target.last
-            met = excess <= 0.0
-            if met.any() and not f[met].min() >= least:
-                least = float(f[met].min())
-                champion = np.array(x[met][np.argmin(f[met])], dtype=float)
-            rows.append((target.individuals, least, float(excess.min())))
-            over = after is not None and after(algorithm)
-            progress(len(rows), generations, f"best {least:.6g}" if np.isfinite(least) else "nothing feasible yet")
-            if over:
-                break
-    except KeyboardInterrupt:
-        interrupted = True
+    with stopping(max_seconds) as stop:
+        try:
+            while algorithm.has_next() and not stop.due:
+                if before is not None:
+                    before(algorithm, len(rows))
+                algorithm.next()
+                x, f, excess = target.last
+                met = excess <= 0.0
+                if met.any() and not f[met].min() >= least:
+                    least = float(f[met].min())
+                    champion = np.array(x[met][np.argmin(f[met])], dtype=float)
+                rows.append((target.individuals, least, float(excess.min())))
+                over = after is not None and after(algorithm)
+                progress(len(rows), generations, f"best {least:.6g}" if np.isfinite(least) else "nothing feasible yet")
+                if over:
+                    break
+        except STOPS as reason:
+            stop.take(reason)
+        interrupted = algorithm.has_next() and stop.tell()
     best = np.empty((0, target.problem_size))
     if algorithm.opt is not None and len(algorithm.opt) and len(rows):
         met = np.ravel(algorithm.opt.get("excess").astype(float)) <= 0.0
@@ -195,8 +198,8 @@ def evolve(
 def front_of(
     run: Evolution, target: Vectorised, problem: Problem, method: str, seed: int, population: int, generations: int
 ) -> ParetoSet:
-    """The Pareto set of a run; raises ``NoSolutionFound`` where nothing is feasible."""
-    if not len(run.best):
+    """The Pareto set of a run; raises ``NoSolutionFound`` where nothing is feasible, unless it was interrupted."""
+    if not len(run.best) and not run.interrupted:
         raise NoSolutionFound(_nothing(problem, method, population, generations, run))
     info = {
         "population": population,
@@ -205,8 +208,15 @@ def front_of(
         "evaluations": target.individuals,
         "evaluation seconds": target.seconds,
         "algorithm seconds": run.seconds - target.seconds,
+        **ended_after(run, generations),
     }
     return ParetoSet(list(run.best), method, seed, run.seconds, info, run.interrupted)
+
+
+def ended_after(run: Evolution, generations: int) -> dict[str, str]:
+    """What ``info`` says of a run that Ctrl-C or its time ended before its last generation."""
+    done = len(run.history)
+    return {ENDED_AFTER: f"{done} of {generations} generations"} if done < generations else {}
 
 
 def solution_of(
@@ -224,6 +234,8 @@ def solution_of(
         generations: for messages.
     """
     if not len(run.best):
+        if run.interrupted:
+            raise KeyboardInterrupt
         raise NoSolutionFound(_nothing(problem, method, population, generations, run))
     (x,), (found,) = slow_down(problem, [run.best[0]])
     mended = "" if np.array_equal(x, run.best[0]) else ", slowed down where limits were broken between its instants"
@@ -242,6 +254,7 @@ def solution_of(
         audit=found,
         detail=f"{method}: the best of {target.individuals} individuals{mended}; not claimed to be optimal",
         history=run.history,
+        interrupted=f"after {len(run.history)} of {generations} generations" if run.interrupted else "",
     )
 
 
@@ -257,7 +270,7 @@ def single_objective(problem: Problem, scalarisation: Scalarisation, method: str
 
 def _nothing(problem: Problem, method: str, population: int, generations: int, run: Evolution) -> str:
     done = len(run.history)
-    ended = "" if done >= generations else f" ({done} of them were run)"
+    ended = "" if done >= generations else f" ({done} of them were run before their time was over)"
     return (
         f"{problem.id}: no individual of {method} met every limit in {generations} generations of {population}{ended}; "
         "give it more of either, or use an exchange or trace, which name the limits in conflict"

@@ -16,6 +16,7 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.nlp import NLP, Row, Solution, Status
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
@@ -77,6 +78,7 @@ class Exchange:
         given = [replace(instant, slope=None, sweep_slope=None) for instant in self.first or ()]
         return given or list(few_instants(problem))
 
+    @one_blas_thread
     def solve(
         self,
         problem: Problem,

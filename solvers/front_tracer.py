@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pymoo.util.ref_dirs import get_reference_directions
 
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.nlp import Solution, Status
 from ocp_traj.population import Population
@@ -30,7 +31,8 @@ from ocp_traj.provenance import audit_points
 from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart, best_of
-from ocp_traj.solvers.pareto_set import ParetoSet
+from ocp_traj.solvers.pareto_set import ENDED_AFTER, ParetoSet
+from ocp_traj.stopping import STOPS, stopping
 from ocp_traj.symbolic import evaluate_objectives
 
 Array = NDArray[np.float64]
@@ -53,7 +55,7 @@ class FrontTracer:
         solver: of each point.
         starts: random starts at each end of the front, where nothing is known yet.
         seed: of those starts.
-        max_seconds: stop after the point that passes this.
+        max_seconds: stop after this, in the middle of a point, with those that are there.
         progress: told after each point.
     """
 
@@ -69,20 +71,24 @@ class FrontTracer:
         if self.points < 2:
             raise InputError(f"a front needs at least 2 points; got {self.points}")
 
+    @one_blas_thread
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
         """Traces the front of two or more objectives; Ctrl-C ends it early with the points it has."""
         if len(objectives) < 2:
             raise InputError(f"a front trades two or more objectives; got {', '.join(objectives) or 'none'}")
         begun = time.perf_counter()
-        trace = _Trace(self, problem, tuple(objectives), begun + self.max_seconds)
-        interrupted = False
-        try:
-            trace.ends()
-            if len(objectives) == 2 and problem.starts > 1:
-                trace.sharpen()
-            trace.fill() if len(objectives) == 2 else trace.lattice()
-        except KeyboardInterrupt:
-            interrupted = True
+        trace = _Trace(self, problem, tuple(objectives))
+        with stopping(self.max_seconds) as stop:
+            complete = False
+            try:
+                trace.ends()
+                if len(objectives) == 2 and problem.starts > 1:
+                    trace.sharpen()
+                trace.fill() if len(objectives) == 2 else trace.lattice()
+                complete = True
+            except STOPS as reason:
+                stop.take(reason)
+            interrupted = not complete and stop.tell()
         info: dict[str, Any] = {
             "solves": trace.solves,
             "iterations": trace.iterations,
@@ -91,6 +97,8 @@ class FrontTracer:
         }
         if not trace.conflict:
             info["conflict"] = False
+        if not complete:
+            info[ENDED_AFTER] = f"{len(trace.solutions)} of {self.points} points"
         xs = [solution.x for solution in trace.solutions]
         return ParetoSet(xs, "trace", self.seed, time.perf_counter() - begun, info, interrupted)
 
@@ -98,8 +106,8 @@ class FrontTracer:
 class _Trace:
     """One run of the tracer: the solutions so far and their objective values, less is better."""
 
-    def __init__(self, tracer: FrontTracer, problem: Problem, objectives: tuple[str, ...], deadline: float) -> None:
-        self.tracer, self.problem, self.names, self.deadline = tracer, problem, objectives, deadline
+    def __init__(self, tracer: FrontTracer, problem: Problem, objectives: tuple[str, ...]) -> None:
+        self.tracer, self.problem, self.names = tracer, problem, objectives
         self.population = Population(problem, objectives)
         self.signs = np.array([1.0 if problem.objective(name).sense == "min" else -1.0 for name in objectives])
         self.reference = np.array(
@@ -195,7 +203,7 @@ class _Trace:
             self.conflict = False
             return
         closed: set[tuple[float, float]] = set()  # gaps in which nothing new was found
-        while len(self.solutions) < self.tracer.points and time.perf_counter() < self.deadline:
+        while len(self.solutions) < self.tracer.points:
             order = np.argsort(self.values[:, 0])
             values = self.values[order]
             gaps = np.abs(np.diff(values, axis=0)) / span
@@ -228,8 +236,7 @@ class _Trace:
         for direction in _directions(m, partitions):
             if len(self.solutions) >= self.tracer.points:
                 return
-            if not self._towards(direction, low, span):
-                return
+            self._towards(direction, low, span)
         for finer in range(partitions + 1, partitions + 1 + REFINEMENTS):
             left = list(_directions(m, finer))
             while left and len(self.solutions) < self.tracer.points:
@@ -237,20 +244,17 @@ class _Trace:
                 known = known / np.maximum(known.sum(axis=1), 1e-12)[:, None]
                 gap = [np.abs(known - direction).max(axis=1).min() for direction in left]
                 direction = left.pop(int(np.argmax(gap)))
-                if max(gap) > 0.5 / finer and not self._towards(direction, low, span):
-                    return
+                if max(gap) > 0.5 / finer:
+                    self._towards(direction, low, span)
 
-    def _towards(self, direction: Array, low: Array, span: Array) -> bool:
-        """One point of a lattice; False when time is over."""
-        if time.perf_counter() >= self.deadline:
-            return False
+    def _towards(self, direction: Array, low: Array, span: Array) -> None:
+        """One point of a lattice."""
         known = self.problem.reference_point
         goals = {n: float(s * v) for n, s, v in zip(self.names, self.signs, low, strict=True)}
         weights = {n: float(max(w, 1e-3) * d) for n, w, d in zip(self.names, direction, span, strict=True)}
         near = np.argsort(np.abs((self.values - low) / span / np.maximum(direction, 1e-3)).max(axis=1))
         bounds = {n: known[n] for n in self.names if n in known}
         self._point(GoalAttainment(goals, weights, bounds), near[:2].tolist(), {}, span)
-        return True
 
     def _point(self, scalar: Scalarisation, neighbours: list[int], bounds: Mapping[int, float], span: Array) -> bool:
         """Solves for one more point; whether one was found that is not there already."""

@@ -16,6 +16,7 @@ from pymoo.algorithms.moo.cmopso import CMOPSO
 from pymoo.algorithms.moo.mopso_cd import MOPSO_CD
 from pymoo.core.sampling import Sampling
 
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
@@ -79,6 +80,7 @@ class MOPSO:
         if self.variant not in VARIANTS:
             raise InputError(f"there is no variant {self.variant!r} of mopso; variants are {', '.join(VARIANTS)}")
 
+    @one_blas_thread
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
         """The archive's feasible points; Ctrl-C ends it early with those it has."""
         rng = np.random.default_rng(self.seed)

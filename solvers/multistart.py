@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.nlp import NLP, Solution, Status
 from ocp_traj.optima import distinct, with_sampled
 from ocp_traj.problem import Problem
@@ -16,6 +17,7 @@ from ocp_traj.progress import Progress, silent
 from ocp_traj.scalarise import Scalarisation, WeightedSum
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.incumbent import no_worse_than
+from ocp_traj.stopping import STOPS, stopping
 
 Array = NDArray[np.float64]
 _Pair = tuple[Solution, Solution]  # of a first NLP, and what it led to
@@ -55,34 +57,44 @@ class Multistart:
         return list({x.tobytes(): x for x in points}.values())
 
     def solve_all(self, problem: Problem, scalarisation: Scalarisation) -> list[Solution]:
-        """One solution a start, or two with ``all_optima``; Ctrl-C ends it early with those it has."""
-        return self._solved(problem, scalarisation, [])
+        """One solution a start, or two with ``all_optima``; Ctrl-C ends it early with those it has, if any."""
+        return self._solved(problem, scalarisation, [])[0]
 
-    def _solved(self, problem: Problem, scalarisation: Scalarisation, pairs: list[_Pair]) -> list[Solution]:
+    def _solved(self, problem: Problem, scalarisation: Scalarisation, pairs: list[_Pair]) -> tuple[list[Solution], str]:
+        """The solutions, and after how many starts Ctrl-C came, if it did."""
         solutions: list[Solution] = []
-        one_start = self._shared(problem, scalarisation, pairs) if self.all_optima else self._alone
         points = self.points(problem)
-        for i, x0 in enumerate(points):
+        done = 0
+        with stopping() as stop:
             try:
-                solutions += one_start(problem, scalarisation, x0)
-            except KeyboardInterrupt:
+                one_start = self._shared(problem, scalarisation, pairs) if self.all_optima else self._alone
+                for x0 in points:
+                    solutions += one_start(problem, scalarisation, x0)
+                    done += 1
+                    best = best_of(solutions)
+                    self.progress(done, len(points), f"best {best.f:.9g}" if best.ok else best.status.value)
+            except STOPS as reason:
                 if not solutions:
                     raise
-                break
-            best = best_of(solutions)
-            self.progress(i + 1, len(points), f"best {best.f:.9g}" if best.ok else best.status.value)
-        return solutions
+                stop.take(reason)
+            return solutions, f"after {done} of {len(points)} starts" if stop.tell() else ""
 
+    @one_blas_thread
     def solve(self, problem: Problem, scalarisation: Scalarisation) -> Solution:
-        """The best of all starts: proved before unproved, then the smaller value."""
+        """The best of all starts: proved before unproved, then the smaller value.
+
+        Ctrl-C ends it early with the best so far, whose ``interrupted`` says so; before the first start has ended it
+        raises ``KeyboardInterrupt``.
+        """
         begun = time.perf_counter()
         pairs: list[_Pair] = []
-        solutions = self._solved(problem, scalarisation, pairs)
+        solutions, interrupted = self._solved(problem, scalarisation, pairs)
         optima = with_sampled(problem, distinct(problem, solutions, SOLVES), pairs) if self.all_optima else ()
         each = SOLVES if self.all_optima else 1
         return replace(
-            best_of(solutions), seconds=time.perf_counter() - begun, optima=optima, starts=len(solutions) // each
-        )
+            best_of(solutions), seconds=time.perf_counter() - begun, optima=optima, starts=len(solutions) // each,
+            interrupted=interrupted,
+        )  # fmt: skip
 
     def _alone(self, problem: Problem, scalarisation: Scalarisation, x0: Array) -> list[Solution]:
         stone = problem.stepping_stone

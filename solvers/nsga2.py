@@ -14,6 +14,7 @@ from pymoo.algorithms.moo.nsga2 import NSGA2 as PymooNSGA2
 from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.pm import PM
 
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.solvers.evolution import Vectorised, evolve, front_of, require_sizes
@@ -49,6 +50,7 @@ class NSGA2:
         """Checks the numbers."""
         require_sizes(self.population, self.generations)
 
+    @one_blas_thread
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
         """The last generation's non-dominated feasible individuals; Ctrl-C ends it early with those it has."""
         rng = np.random.default_rng(self.seed)

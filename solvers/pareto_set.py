@@ -13,6 +13,8 @@ from ocp_traj.problem import Problem
 
 Array = NDArray[np.float64]
 
+ENDED_AFTER = "ended after"  # key of ``info``: what was done, of how much, when Ctrl-C or a budget ended the method
+
 
 @dataclass(frozen=True, eq=False)
 class ParetoSet:
@@ -24,7 +26,7 @@ class ParetoSet:
         seed: of its randomness, or None.
         seconds: spent.
         info: what else is worth recording.
-        interrupted: whether it was ended early.
+        interrupted: whether Ctrl-C ended it.
     """
 
     xs: Sequence[Array]

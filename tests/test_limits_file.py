@@ -323,7 +323,7 @@ BAD_FILES = [
     (HEAD + "[rest]\norder = 1\ntolerance = 0", r"\[rest\] tolerance is 0; give a number > 0"),
     (HEAD + "[robot]\ngravity = [0, 0, 0]", r"\[robot\] urdf is missing; give the path of a URDF file.*or problem"),
     (HEAD + "[robot]\nurdf = 3", r"\[robot\] urdf is 3; give the path of a URDF file"),
-    (HEAD + '[robot]\nurdf = "none.urdf"', r"\[robot\] urdf: URDF file '.*none.urdf' does not exist"),
+    (HEAD + '[robot]\nurdf = "none.urdf"', r"\[robot\] urdf: cannot read the URDF file .*none.urdf: No such file"),
     (HEAD + '[robot]\nurdf = "limits.toml"', r"\[robot\] urdf: '.*limits.toml' is not a URDF: it is not XML"),
     (HEAD + URDF + 'tool_frame = "hand"', r"\[robot\] urdf: 'hand' does not move in .*; frames are \[.*'flange'"),
     (HEAD + URDF + "tool_frame = 3", r"\[robot\] tool_frame is 3; give the name of a link or frame"),

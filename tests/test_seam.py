@@ -153,7 +153,7 @@ def test_a_polyline_is_its_points_and_a_circle_comes_out_round(tmp_path: Path) -
         (lambda: pieces(tube(60.0), 1), "give two or more"),
         (lambda: PolylineSeam(np.zeros((6, 3)), np.ones((6, 3))), "points 1 and 2 of a seam are the same"),
         (lambda: PolylineSeam(np.eye(3), np.eye(3)), "six or more"),
-        (lambda: PolylineSeam.read("nowhere.csv"), "no readable CSV file"),
+        (lambda: PolylineSeam.read("nowhere.csv"), "cannot read the seam file nowhere.csv: No such file"),
     ],
 )
 def test_what_is_no_seam_is_refused(make: object, words: str) -> None:

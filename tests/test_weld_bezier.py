@@ -125,7 +125,7 @@ def test_the_limits_up_to_snap_rule_a_move_from_rest_to_rest() -> None:
         ({"psi": 0.0}, "psi is 0 deg"),
         ({"weld_speed": 0.0}, "weld_speed is 0.0"),
         ({"home": (0.0, -90.0, 100.0, 0.0, -60.0, 360.0)}, "home has A6 at 360.0 deg"),
-        ({"seam_file": "nowhere.csv"}, "no readable CSV file"),
+        ({"seam_file": "nowhere.csv"}, "cannot read the seam file nowhere.csv: No such file"),
         ({"tags": 2, "phi": (-180.0, 180.0)}, "give more tags"),
     ],
 )
