@@ -6,11 +6,13 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ocp_traj import problems
+from ocp_traj.alternatives import best_front
 from ocp_traj.audit import audit
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.fixed_states import fixed_conflicts
@@ -18,6 +20,7 @@ from ocp_traj.front import Front
 from ocp_traj.nlp import Solution, Status
 from ocp_traj.problem import Decomposition, Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.records import Found, Record, ignore
 from ocp_traj.scalarise import Scalarisation, WeightedSum, check_names
 from ocp_traj.solvers.branch_and_bound import BranchAndBound, is_certifiable, require_certifiable
 from ocp_traj.solvers.exchange import Exchange
@@ -27,10 +30,11 @@ from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.nsga2 import NSGA2
-from ocp_traj.solvers.pareto_set import FrontMethod
+from ocp_traj.solvers.pareto_set import FrontMethod, proved_front
 from ocp_traj.solvers.payload import LargestPayload, along, static_bound, within
 from ocp_traj.solvers.pso import PSO
-from ocp_traj.solvers.repair import largest_excess, slow_down
+from ocp_traj.solvers.repair import largest_excess
+from ocp_traj.store import Run, request
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import trajectory
@@ -214,6 +218,9 @@ def pareto(
     seed: int = 0,
     budget: float | None = None,
     keep_unproved: bool = False,
+    output: str | Path | None = None,
+    force: bool = False,
+    found: Found = ignore,
     progress: Progress = silent,
     **options: Any,
 ) -> Front:
@@ -226,6 +233,9 @@ def pareto(
         seed: of everything random.
         budget: stop after this time [s] with what is there.
         keep_unproved: whether points stay that are not proved, even slowed down.
+        output: folder to write the run to, as ``ocp-traj pareto -o`` does: what is finished is on the disk at once.
+        force: whether a run that is there is replaced.
+        found: given a record of each finished solve, or of a population now and then.
         progress: told how far it is.
         options: fields of the method's class, such as ``points`` of trace and ``population`` of nsga2.
 
@@ -236,6 +246,25 @@ def pareto(
         raise InputError(f"a front trades two or more different objectives; got {', '.join(objectives) or 'none'}")
     for name in objectives:
         problem.objective(name)
+    if output is not None:
+        asked = request(
+            problem, objectives, method, seed=seed, budget=budget, keep_unproved=keep_unproved, options=options
+        )
+        with Run(output, asked, force=force) as run:
+
+            def keep(record: Record) -> None:
+                run.found(record)
+                found(record)
+
+            front = pareto(
+                problem, objectives, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved, found=keep,
+                progress=progress, **options,
+            )  # fmt: skip
+            if len(front):
+                run.finish(front)
+            else:
+                run.discard()
+        return front
     if problem.decomposition is not None:
         raise InputError(f"{problem.id} is solved by parts in this case, which gives one trajectory and no front")
     if budget is not None:
@@ -249,30 +278,23 @@ def pareto(
             {
                 name: partial(
                     pareto, alternative, objectives, method=method, seed=seed, budget=budget,
-                    keep_unproved=keep_unproved, progress=progress, **options,
+                    keep_unproved=keep_unproved, found=partial(_of_alternative, found, name), progress=progress,
+                    **options,
                 )
                 for name, alternative in problem.alternatives.items()
             }
         )  # fmt: skip
-    chosen: FrontMethod = configured(FRONT_METHODS, method, seed=seed, progress=progress, **options)
+    chosen: FrontMethod = configured(FRONT_METHODS, method, seed=seed, progress=progress, found=found, **options)
     conflicts = fixed_conflicts(problem)
     if conflicts:
         raise NoSolutionFound(
             f"{problem.id}: no trajectory meets these limits together: {'; '.join(map(str, conflicts))}"
         )
-    found = chosen.pareto(problem, objectives)
-    settled = found.xs if problem.settle is None else [problem.settle(x) for x in found.xs]
-    xs, checked = slow_down(problem, settled)
-    for i, one in enumerate(checked):
-        if (
-            not one.proved and problem.settle is not None
-        ):  # what was found may be proved, if a little less was asked of it
-            xs[i] = slow_down(problem, [found.xs[i]])[0][0]
-    info = {**found.info, "interrupted": found.interrupted}
-    return Front.of(
-        problem, tuple(objectives), xs,
-        method=found.method, seed=found.seed, seconds=found.seconds, info=info, keep_unproved=keep_unproved,
-    )  # fmt: skip
+    return proved_front(problem, objectives, chosen.pareto(problem, objectives), keep_unproved)
+
+
+def _of_alternative(found: Found, name: str, record: Record) -> None:
+    found({**record, "alternative": name})
 
 
 def _best_front(runs: Mapping[str, Callable[[], Front]]) -> Front:
@@ -288,37 +310,7 @@ def _best_front(runs: Mapping[str, Callable[[], Front]]) -> Front:
             break
     if not fronts:
         raise reasons[0]
-    filled = [front for front in fronts.values() if len(front)]
-    signs = {o.id: 1.0 if o.sense == "min" else -1.0 for front in filled for o in front.traded}
-    ideal = {name: sign * min(sign * front.ideal[name] for front in filled) for name, sign in signs.items()}
-
-    def worth(name: str) -> float:
-        front = fronts[name]
-        known = set(front.objectives) <= set(front.problem.reference_point)
-        return front.hypervolume(ideal=ideal).value if len(front) and known else float(len(front) > 0)
-
-    worths = {name: worth(name) for name in fronts}
-    best = max(worths, key=lambda name: worths[name])
-    chosen = fronts[best]
-    others = {
-        name: {
-            "points": len(fronts[name]) if name in fronts else 0,
-            "hypervolume": worths.get(name, 0.0),
-            "points not dominated by the chosen front": _beyond(chosen, fronts[name]) if name in fronts else 0,
-        }
-        for name in runs
-    }
-    seconds = sum(front.seconds for front in fronts.values())
-    return replace(chosen, seconds=seconds, info={**chosen.info, "alternative": best, "alternatives": others})
-
-
-def _beyond(front: Front, other: Front) -> int:
-    """How many points of another front none of this front is as good as in every objective."""
-    if front is other or not len(other):
-        return 0
-    signs = np.array([1.0 if o.sense == "min" else -1.0 for o in front.traded])
-    ours, theirs = front.values * signs, other.values * signs
-    return int((~(ours[None] <= theirs[:, None]).all(axis=2).any(axis=1)).sum())
+    return best_front(fronts, runs)
 
 
 def payload(

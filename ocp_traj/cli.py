@@ -26,7 +26,7 @@ from ocp_traj.plot import check_picture, plot_trajectory, save_history
 from ocp_traj.problem import Problem
 from ocp_traj.reproduce import reproduce as run_reproduce
 from ocp_traj.solvers.pso import SCHEDULES
-from ocp_traj.store import check_target, save_run
+from ocp_traj.store import Run, request
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.verdicts import Audit
 
@@ -199,13 +199,19 @@ def pareto(
         raise InputError(
             f"{chosen.id} has no reference point for {', '.join(unbounded)}; give --reference {objectives}"
         )
-    check_target(output, force)
     options = _given(points=points, population=population, generations=generations)
-    with screen.progress(method) as progress:
-        front = api.pareto(
-            chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved, progress=progress,
-            **options,
-        )  # fmt: skip
+    asked = request(chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, options=options)
+    with Run(output, asked, force=force) as kept:
+        with screen.progress(method) as progress:
+            front = api.pareto(
+                chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved, found=kept.found,
+                progress=progress, **options,
+            )  # fmt: skip
+        if not len(front):
+            kept.discard()
+        else:
+            volume = front.hypervolume(*corners)
+            folder = kept.finish(front, volume)
     if not len(front) and front.info.get("interrupted"):
         screen.say("interrupted before the first point was found; nothing is written")
         return INTERRUPTED
@@ -214,8 +220,6 @@ def pareto(
             f"{chosen.id}: {method} found no proved point ({front.info['dropped']}); --keep-unproved keeps the others"
         )
         return NOT_PROVED
-    volume = front.hypervolume(*corners)
-    folder = save_run(front, output, force=force, hypervolume=volume)
     screen.show(screen.front_sheet(front, volume, folder), json)
     for words in screen.front_remarks(front):
         screen.say(words)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.records import Found, ignore, of_solve
 from ocp_traj.scalarise import GoalAttainment
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.repair import slow_down
@@ -84,6 +85,7 @@ def refine(
     deadline: float = np.inf,
     progress: Progress = silent,
     clock: Callable[[], float] = time.perf_counter,
+    tell: Found = ignore,
 ) -> Refined:
     """Refines points, each from itself; those not proved to begin with are slowed down first where that proves them.
 
@@ -98,10 +100,11 @@ def refine(
         deadline: on the clock; points not reached by then stay as they are.
         progress: told after each point.
         clock: in seconds.
+        tell: given a record of each solve.
     """
     begun, found = clock(), Refined([np.asarray(x, dtype=float) for x in xs])
     try:
-        _refine(problem, tuple(objectives), found, solver, list(among), deadline, progress, clock)
+        _refine(problem, tuple(objectives), found, solver, list(among), deadline, progress, clock, tell)
     except KeyboardInterrupt:
         found.interrupted = True
     found.seconds = clock() - begun
@@ -110,7 +113,7 @@ def refine(
 
 def _refine(
     problem: Problem, objectives: tuple[str, ...], found: Refined, solver: Exchange, among: list[Array],
-    deadline: float, progress: Progress, clock: Callable[[], float],
+    deadline: float, progress: Progress, clock: Callable[[], float], tell: Found,
 ) -> None:  # fmt: skip
     """Refines the points of ``found`` in place, neighbour after neighbour."""
     if not found.xs:
@@ -129,7 +132,7 @@ def _refine(
             dict(zip(objectives, (f[i] * signs).tolist(), strict=True)),
             dict(zip(objectives, w[i].tolist(), strict=True)),
         )
-        solution = _solved(problem, goal, points[i], solver, neighbour, found)
+        solution = _solved(problem, goal, points[i], solver, neighbour, found, tell)
         if solution is None:
             found.failed += 1
         else:
@@ -142,12 +145,14 @@ def _refine(
 
 
 def _solved(
-    problem: Problem, goal: GoalAttainment, x: Array, solver: Exchange, neighbour: Solution | None, found: Refined
-) -> Solution | None:
+    problem: Problem, goal: GoalAttainment, x: Array, solver: Exchange, neighbour: Solution | None, found: Refined,
+    tell: Found,
+) -> Solution | None:  # fmt: skip
     """A proved solution, or None: with the neighbour's instants, and once more with the solver's own grid."""
     tries = [solver] if neighbour is None else [replace(solver, first=neighbour.instants), solver]
     for attempt in tries:
         solution = attempt.solve(problem, goal, x)
+        tell(of_solve(goal, solution))
         found.solves += 1
         found.iterations += solution.iterations
         if solution.ok and solution.audit is not None and solution.audit.proved:

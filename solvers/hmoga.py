@@ -31,6 +31,7 @@ from pymoo.operators.mutation.pm import PM
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.records import Found, ignore
 from ocp_traj.solvers.attainment import refine, well_spaced
 from ocp_traj.solvers.elitism import ControlledElitism
 from ocp_traj.solvers.evolution import WORST, Vectorised, evolve, require_sizes
@@ -72,6 +73,7 @@ class HMOGA:
         per_segment: instants a segment at which limits are looked at in a generation, at least its degree.
         max_seconds: time for all; of what the ends leave, evolution gets one half.
         progress: told after each generation, then after each refined point.
+        found: given a record of each solve, and of the population now and then.
     """
 
     seed: int
@@ -92,6 +94,7 @@ class HMOGA:
     per_segment: int = 5
     max_seconds: float = np.inf
     progress: Progress = silent
+    found: Found = ignore
 
     def __post_init__(self) -> None:
         """Checks the numbers."""
@@ -112,8 +115,9 @@ class HMOGA:
             raise InputError(f"a front trades two or more objectives; got {', '.join(objectives) or 'none'}")
         begun = time.perf_counter()
         tracer = FrontTracer(
-            len(objectives), solver=self.solver, starts=self.starts, seed=self.seed, max_seconds=self.max_seconds
-        )
+            len(objectives), solver=self.solver, starts=self.starts, seed=self.seed, max_seconds=self.max_seconds,
+            found=self.found,
+        )  # fmt: skip
         ends = tracer.pareto(problem, objectives)
         info: dict[str, Any] = {
             "ends": {**ends.info, "points": len(ends.xs), "seconds": ends.seconds},
@@ -136,7 +140,7 @@ class HMOGA:
         )
         algorithm.tournament_type = "comp_by_rank_and_crowding"
         left = SHARE * max(self.max_seconds - (time.perf_counter() - begun), 0.0)
-        run = evolve(algorithm, target, self.generations, self.seed, left, self.progress, after=watch)
+        run = evolve(algorithm, target, self.generations, self.seed, left, self.progress, after=watch, found=self.found)
         info |= {
             "population": self.population,
             "generations": len(run.history),
@@ -155,7 +159,8 @@ class HMOGA:
         f = target.population.evaluate(np.array([*among, *genetic])).objectives * target.signs
         chosen = [genetic[i - len(among)] for i in well_spaced(f, self.points) if i >= len(among)]
         chosen += _least_broken(algorithm.pop, self.points - len(among) - len(chosen))
-        refined = refine(problem, objectives, chosen, self.solver, among, begun + self.max_seconds, self.progress)
+        deadline = begun + self.max_seconds
+        refined = refine(problem, objectives, chosen, self.solver, among, deadline, self.progress, tell=self.found)
         info |= {
             "genetic front": len(genetic),
             "points to refine": len(chosen),
