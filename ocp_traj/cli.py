@@ -202,11 +202,16 @@ def pareto(
     options = _given(points=points, population=population, generations=generations)
     asked = request(chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, options=options)
     with Run(output, asked, force=force) as kept:
-        with screen.progress(method) as progress:
-            front = api.pareto(
-                chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved, found=kept.found,
-                progress=progress, **options,
-            )  # fmt: skip
+        try:
+            with screen.progress(method) as progress:
+                front = api.pareto(
+                    chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
+                    found=kept.found, progress=progress, **options,
+                )  # fmt: skip
+        except (OcpTrajError, KeyboardInterrupt):
+            if kept.holds_points:
+                screen.say(f"what was found until then is kept: {output}")
+            raise
         if not len(front):
             kept.discard()
         else:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ocp_traj.files import plain
 from ocp_traj.front import Front
-from ocp_traj.nlp import Solution
+from ocp_traj.nlp import Solution, Status
 from ocp_traj.scalarise import Scalarisation
 from ocp_traj.verdicts import PROVED
 
@@ -60,6 +60,11 @@ def of_front(front: Front) -> Record:
     points = [{"x": p.x, "objectives": p.objectives, "verdict": p.verdict} for p in front.points]
     chosen = front.info.get("alternative")
     return _record(FRONT, points, **({} if chosen is None else {"alternative": chosen}))
+
+
+def usable(record: Record) -> bool:
+    """Whether a front can be made of its points: not of those of a solve that failed."""
+    return bool(record["points"]) and (record["kind"] != SOLVE or Status[record["status"]].ok)
 
 
 def is_proved(record: Record) -> bool:

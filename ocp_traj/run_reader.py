@@ -22,9 +22,8 @@ from ocp_traj.files import plain, read_json
 from ocp_traj.front import Front
 from ocp_traj.front_table import read_front_csv
 from ocp_traj.journal import records
-from ocp_traj.nlp import Status
 from ocp_traj.problem import Problem
-from ocp_traj.records import FRONT, POPULATION, SOLVE, Record
+from ocp_traj.records import FRONT, POPULATION, SOLVE, Record, usable
 from ocp_traj.run_folder import JOURNAL, MANIFEST, TABLE, TRAJECTORIES
 from ocp_traj.solvers.pareto_set import ParetoSet, proved_front
 from ocp_traj.store import FORMAT, trajectory_file
@@ -54,6 +53,7 @@ def load_run(folder: str | Path, problem: Problem | None = None) -> Front:
     table = read_front_csv(root / TABLE) if (root / TABLE).exists() or run["format"] == WITHOUT_JOURNAL else None
     try:
         chosen = _problem(root, run, problem)
+        keep_unproved = run["format"] == WITHOUT_JOURNAL or bool(run["keep_unproved"])
         empty = Front(
             chosen,
             tuple(run["objectives"]),
@@ -76,9 +76,9 @@ def load_run(folder: str | Path, problem: Problem | None = None) -> Front:
         )
     if run["format"] == WITHOUT_JOURNAL:
         assert table is not None
-        front = _proved(empty, table[[*table.columns[-2 - chosen.size : -2]]].to_numpy(dtype=float), True)
+        front = _proved(empty, table[[*table.columns[-2 - chosen.size : -2]]].to_numpy(dtype=float), keep_unproved)
     else:
-        front = _of_journal(empty, run, root / JOURNAL, records(root / JOURNAL))
+        front = _of_journal(empty, keep_unproved, run, root / JOURNAL)
     if table is not None:
         _compare(front, table, root)
     if len(front) != run.get("points", len(front)):
@@ -122,8 +122,9 @@ def _proved(empty: Front, xs: Sequence[Array], keep_unproved: bool) -> Front:
     return replace(front, info=empty.info)
 
 
-def _of_journal(empty: Front, run: Mapping[str, Any], path: Path, found: Sequence[Record]) -> Front:
+def _of_journal(empty: Front, keep_unproved: bool, run: Mapping[str, Any], path: Path) -> Front:
     """The front that ended the run, or that of all it has found so far."""
+    found = records(path)
     last = found[-1] if found else {"kind": None}
     try:
         if "seconds" not in run:
@@ -132,10 +133,10 @@ def _of_journal(empty: Front, run: Mapping[str, Any], path: Path, found: Sequenc
             problem = empty.problem
             if problem.alternatives:
                 problem = problem.alternatives[last["alternative"]]
-            return _proved(replace(empty, problem=problem), _points(problem, last, path), run["keep_unproved"])
+            return _proved(replace(empty, problem=problem), _points(problem, last, path), keep_unproved)
         if "points" in run:
             raise FileFormatError(f"{path} ends before the front that {MANIFEST} tells of: a part of it is missing")
-        return _so_far(empty, run["keep_unproved"], path, found)
+        return _so_far(empty, keep_unproved, path, found)
     except FileFormatError:
         raise
     except (KeyError, AttributeError, TypeError, ValueError) as error:
@@ -148,7 +149,7 @@ def _so_far(empty: Front, keep_unproved: bool, path: Path, found: Sequence[Recor
     fronts = {}
     for name, part in parts.items():
         mine = [record for record in found if record.get("alternative") == name]
-        solves = [record for record in mine if record["kind"] == SOLVE and Status[record["status"]].ok]
+        solves = [record for record in mine if record["kind"] == SOLVE and usable(record)]
         population = [record for record in mine if record["kind"] == POPULATION][-1:]
         xs = [x for record in (*solves, *population) for x in _points(part, record, path)]
         if xs:

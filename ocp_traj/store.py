@@ -24,7 +24,7 @@ from ocp_traj.front import Front, Hypervolume
 from ocp_traj.journal import Journal
 from ocp_traj.plot import plot_front
 from ocp_traj.problem import Problem
-from ocp_traj.records import Record, is_proved, of_front
+from ocp_traj.records import Record, is_proved, of_front, usable
 from ocp_traj.run_folder import JOURNAL, MANIFEST, PICTURE, TABLE, TRAJECTORIES, RunFolder
 from ocp_traj.transcription import case_fields
 from ocp_traj.verdicts import PROVED
@@ -61,13 +61,17 @@ class Run:
 
     Use it in a ``with`` block. One that ends without a point leaves nothing, and the run that it was to replace as it
     was; one that ends early leaves what was found, for ``load_run``.
+
+    Attributes:
+        folder: as it was given.
+        holds_points: whether anything that ``load_run`` can make a front of is in it.
     """
 
     def __init__(self, folder: str | Path, asked: Mapping[str, Any], *, force: bool = False) -> None:
         """Takes the folder and writes ``asked``, a ``request``; raises ``InputError`` as ``check_target`` does."""
         self.folder = Path(folder)
         self._asked, self._begun = asked, time.perf_counter()
-        self._something = self._proved = False  # whether there is a point; whether one is proved
+        self.holds_points = self._proved = False
         self._place = RunFolder(folder, force)
         try:
             self._journal = Journal(self._place.root / JOURNAL)
@@ -80,7 +84,7 @@ class Run:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        if self._something:
+        if self.holds_points:
             self.close()
         else:
             self.discard()
@@ -88,7 +92,7 @@ class Run:
     def found(self, record: Record) -> None:
         """Writes a record of finished work; it is on the disk when this returns."""
         self._append(record)
-        self._something = self._something or bool(record["points"])
+        self.holds_points = self.holds_points or usable(record)
         if is_proved(record):
             self._keep()
 
@@ -123,7 +127,7 @@ class Run:
         self._journal.append({**record, "elapsed": time.perf_counter() - self._begun})
 
     def _keep(self) -> None:
-        self._something = self._proved = True
+        self.holds_points = self._proved = True
         self._place.forget_earlier()
 
     def _write_manifest(self, results: Mapping[str, Any]) -> None:
