@@ -74,13 +74,28 @@ def start(root: Path, points: int = POINTS) -> subprocess.Popen[bytes]:
     return subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment)
 
 
+class Moment:
+    """A number of records of the new run, and a time [s] after them."""
+
+    def __init__(self, records: int, delay: float) -> None:
+        self.records, self.delay, self._reached = records, delay, np.inf
+
+    def __call__(self, seconds: float, left: Left) -> bool:
+        """Whether it has come."""
+        if len(left.records) >= self.records:
+            self._reached = min(self._reached, seconds)
+        return seconds >= self._reached + self.delay
+
+
 def kill(root: Path, due: Callable[[float, Left], bool]) -> tuple[Left, Left]:
     """Starts a run, kills it when it is due (of seconds and of what is there), and reads what was there and what is."""
-    begun, before = time.perf_counter(), Left.read(root)
+    begun, known = time.perf_counter(), Left.read(root)
+    before, new = known, Left([], [])
     with start(root) as process:
-        while process.poll() is None and not due(time.perf_counter() - begun, before):
+        while process.poll() is None and not due(time.perf_counter() - begun, new):
             time.sleep(0.002)
             before = Left.read(root)
+            new = before if before.records != known.records else Left([], [])
         os.kill(process.pid, signal.SIGKILL)
         process.wait()
     return before, Left.read(root)
@@ -113,8 +128,11 @@ def main(kills: int = 20, seed: int = 0) -> int:
         length = time.perf_counter() - begun
         known = Left.read(root).records
         print(f"unharmed: {length:.1f} s, {len(known)} records, {len(ot.load_run(root))} points")
-        for number, moment in enumerate(np.random.default_rng(seed).uniform(0.0, length, kills), 1):
-            before, after = kill(root, lambda seconds, left, moment=moment: seconds >= moment)  # type: ignore[misc]
+        rng = np.random.default_rng(seed)
+        for number in range(1, kills + 1):
+            count = int(rng.integers(0, POINTS + 1))
+            moment = Moment(count, float(rng.uniform(0.0, length / (POINTS if count else 2))))  # starting takes long
+            before, after = kill(root, moment)
             gone = lost(known, before, after)
             known = after.kept or known
             place = root if after.has_point or not after.earlier else root / "earlier"
@@ -125,8 +143,8 @@ def main(kills: int = 20, seed: int = 0) -> int:
             bad = bool(gone) or proved < len(front) or bool(missing(front, known))
             failures += bad
             print(
-                f"kill {number:2d} at {moment:5.2f} s: {len(before.records):2d} records before, "
-                f"{len(after.records):2d} after, {len(after.earlier):2d} of the earlier run; {place.name}: "
+                f"kill {number:2d}, {moment.delay:.2f} s after {moment.records:2d} records: {len(before.records):2d} "
+                f"before, {len(after.records):2d} after, {len(after.earlier):2d} of the earlier run; {place.name}: "
                 f"{len(front)} points, {proved} proved"
                 f"{'; LOST: ' + (gone or 'points') if bad else ''}",
                 flush=True,

@@ -76,7 +76,9 @@ def load_run(folder: str | Path, problem: Problem | None = None) -> Front:
         )
     if run["format"] == WITHOUT_JOURNAL:
         assert table is not None
-        front = _proved(empty, table[[*table.columns[-2 - chosen.size : -2]]].to_numpy(dtype=float), keep_unproved)
+        front = _proved(
+            empty, list(table[[*table.columns[-2 - chosen.size : -2]]].to_numpy(dtype=float)), keep_unproved
+        )
     else:
         front = _of_journal(empty, keep_unproved, run, root / JOURNAL)
     if table is not None:
@@ -125,7 +127,7 @@ def _proved(empty: Front, xs: Sequence[Array], keep_unproved: bool) -> Front:
 def _of_journal(empty: Front, keep_unproved: bool, run: Mapping[str, Any], path: Path) -> Front:
     """The front that ended the run, or that of all it has found so far."""
     found = records(path)
-    last = found[-1] if found else {"kind": None}
+    last: Record = found[-1] if found else {"kind": None}
     try:
         if "seconds" not in run:
             empty = replace(empty, seconds=float(last.get("elapsed", 0.0)))
@@ -145,20 +147,20 @@ def _of_journal(empty: Front, keep_unproved: bool, run: Mapping[str, Any], path:
 
 def _so_far(empty: Front, keep_unproved: bool, path: Path, found: Sequence[Record]) -> Front:
     """The front of all solves, and of the last population, of each alternative."""
-    parts = dict(empty.problem.alternatives) or {None: empty.problem}
-    fronts = {}
+    parts = empty.problem.alternatives or {"": empty.problem}
+    fronts: dict[str, Front] = {}
     for name, part in parts.items():
-        mine = [record for record in found if record.get("alternative") == name]
+        mine = [record for record in found if record.get("alternative", "") == name]
         solves = [record for record in mine if record["kind"] == SOLVE and usable(record)]
         population = [record for record in mine if record["kind"] == POPULATION][-1:]
         xs = [x for record in (*solves, *population) for x in _points(part, record, path)]
         if xs:
             so_far = ParetoSet(xs, empty.method, empty.seed, empty.seconds, interrupted=True)
-            fronts[str(name)] = proved_front(part, empty.objectives, so_far, keep_unproved)
+            fronts[name] = proved_front(part, empty.objectives, so_far, keep_unproved)
     if not fronts:
         return empty
     if not empty.problem.alternatives:
-        return fronts[str(None)]
+        return fronts[""]
     return replace(best_front(fronts, empty.problem.alternatives), seconds=empty.seconds)
 
 

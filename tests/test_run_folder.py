@@ -2,8 +2,6 @@
 
 import os
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -56,20 +54,6 @@ def test_a_second_writer_is_refused_at_once_with_force_too(tmp_path: Path) -> No
     with pytest.raises(InputError, match="run exists; choose another folder or pass --force"):
         RunFolder(tmp_path / "run")
     RunFolder(tmp_path / "run", force=True).discard()
-
-
-def test_the_lock_of_a_process_that_was_killed_holds_nobody(tmp_path: Path) -> None:
-    words = "import sys, time; from ocp_traj.run_folder import RunFolder; f = RunFolder(sys.argv[1]); print(flush=True)"
-    line = [sys.executable, "-c", f"{words}; time.sleep(60)", str(tmp_path / "run")]
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
-    with subprocess.Popen(line, stdout=subprocess.PIPE, env=environment) as process:
-        assert process.stdout is not None and process.stdout.readline() == b"\n"
-        with pytest.raises(InputError, match="being written by another process"):
-            RunFolder(tmp_path / "run", force=True)
-        process.kill()
-    left = [path.name for path in (tmp_path / "run").iterdir()]
-    assert left == [".ocp-traj.lock"]
-    RunFolder(tmp_path / "run", force=True).close()
 
 
 def test_a_lock_deleted_by_its_owner_in_between_is_taken_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,13 +20,10 @@ from ocp_traj.front import Front
 from ocp_traj.journal import Journal, records
 from ocp_traj.plot import plot_front
 from ocp_traj.problem import Problem
-from ocp_traj.records import of_front, of_population, of_solve
+from ocp_traj.records import of_front, of_population
 from ocp_traj.run_folder import RunFolder
 from ocp_traj.run_reader import load_run
-from ocp_traj.scalarise import EpsilonConstraint, WeightedSum
-from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.store import Run, request, save_run
-from ocp_traj.transcription import Instant
 from tests.closed_form import Quintic, quintic_problem
 
 Edit = Callable[[Any], Any]
@@ -302,33 +299,6 @@ def test_killed_at_any_moment_nothing_reported_is_lost_and_the_folder_can_be_wri
     assert len((tmp_path / "front.csv").read_text().splitlines()) >= 3
     save_run(front, root, force=True)
     assert load_run(root).table.equals(front.table)
-
-
-# --- what a record says ---
-
-
-def test_a_solve_is_recorded_so_that_it_need_not_be_done_again(quintic: Problem) -> None:
-    asked = EpsilonConstraint("time", {"effort": 2.0}, 1e-6)
-    solution = Exchange().solve(quintic, asked, np.array([3.0]))
-    record = json.loads(json.dumps(of_solve(asked, solution)))
-    (point,) = record["points"]
-    assert (np.array(point["x"]) == solution.x).all() and point["objectives"] == solution.objectives
-    told = dict(record["scalarisation"])
-    assert told.pop("kind") == "EpsilonConstraint" and EpsilonConstraint(**told) == asked
-    assert (record["status"], point["verdict"], record["f"]) == ("SOLVED", "proved", solution.f)
-    instants = [Instant(**entry) for entry in record["instants"]]
-    assert instants
-    for one, other in zip(instants, solution.instants, strict=True):
-        assert plain(vars(one)) == plain(vars(other))
-
-
-def test_a_failed_solve_is_recorded_and_is_no_point_of_the_front(tmp_path: Path) -> None:
-    slow = quintic_problem(Quintic(velocity=0.1))
-    failed = Exchange().solve(slow, WeightedSum({"time": 1.0}), np.array([3.0]))
-    assert not failed.ok
-    with Run(tmp_path / "run", request(slow, ["time", "effort"], "trace")) as run:
-        run.found(of_solve(WeightedSum({"time": 1.0}), failed))
-        assert len(load_run(tmp_path / "run", slow)) == 0
 
 
 # --- of the version before ---
