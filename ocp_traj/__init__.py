@@ -25,7 +25,7 @@ _PUBLIC = {
     "Limits": "ocp_traj.limits:Limits",
     "Problem": "ocp_traj.problem:Problem",
     "Requirements": "ocp_traj.requirements:Requirements",
-    "load_run": "ocp_traj.store:load_run",
+    "load_run": "ocp_traj.run_reader:load_run",
 }
 
 

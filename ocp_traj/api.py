@@ -6,11 +6,13 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ocp_traj import problems
+from ocp_traj.alternatives import best_front
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound, quoted
 from ocp_traj.fixed_states import fixed_conflicts
@@ -19,6 +21,7 @@ from ocp_traj.nlp import Solution, Status
 from ocp_traj.problem import Decomposition, Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.provenance import audit_points
+from ocp_traj.records import Found, Record, ignore
 from ocp_traj.scalarise import Scalarisation, WeightedSum, check_names
 from ocp_traj.solvers.branch_and_bound import BranchAndBound, is_certifiable, require_certifiable
 from ocp_traj.solvers.exchange import Exchange
@@ -28,12 +31,13 @@ from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.nsga2 import NSGA2
-from ocp_traj.solvers.pareto_set import ENDED_AFTER, FrontMethod
+from ocp_traj.solvers.pareto_set import ENDED_AFTER, FrontMethod, proved_front
 from ocp_traj.solvers.payload import OBJECTIVE as PAYLOAD_MASS
 from ocp_traj.solvers.payload import LargestPayload, along, static_bound, within
 from ocp_traj.solvers.pso import PSO
-from ocp_traj.solvers.repair import largest_excess, slow_down
+from ocp_traj.solvers.repair import largest_excess
 from ocp_traj.stopping import current, stopping
+from ocp_traj.store import Run, request
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import case_fields
@@ -260,6 +264,9 @@ def pareto(
     seed: int = 0,
     budget: float | None = None,
     keep_unproved: bool = False,
+    output: str | Path | None = None,
+    force: bool = False,
+    found: Found = ignore,
     progress: Progress = silent,
     **options: Any,
 ) -> Front:
@@ -272,6 +279,9 @@ def pareto(
         seed: of everything random.
         budget: stop after this time [s] with what is there; to prove that takes a little longer.
         keep_unproved: whether points stay that are not proved, even slowed down.
+        output: folder to write the run to, as ``ocp-traj pareto -o`` does: what is finished is on the disk at once.
+        force: whether a run that is there is replaced.
+        found: given a record of each finished solve, or of a population now and then.
         progress: told how far it is.
         options: fields of the method's class, such as ``points`` of trace and ``population`` of nsga2.
 
@@ -280,16 +290,33 @@ def pareto(
         of IPOPT or of a generation: then ``front.info["interrupted"]`` is true, and ``front.info["ended after"]`` says
         what was done of how much, as it does where the budget was too small.
     """
+    run = partial(
+        _pareto, problem, objectives, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
+        progress=progress, **options,
+    )  # fmt: skip
     with stopping():
-        return _pareto(
-            problem, objectives, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
-            progress=progress, **options,
-        )  # fmt: skip
+        if output is None:
+            return run(found=found)
+        asked = request(
+            problem, objectives, method, seed=seed, budget=budget, keep_unproved=keep_unproved, options=options
+        )
+        with Run(output, asked, force=force) as kept:
+
+            def keep(record: Record) -> None:
+                kept.found(record)
+                found(record)
+
+            front = run(found=keep)
+            if len(front):
+                kept.finish(front)
+            else:
+                kept.discard()
+        return front
 
 
 def _pareto(
     problem: Problem, objectives: Sequence[str], *, method: str, seed: int, budget: float | None, keep_unproved: bool,
-    progress: Progress, **options: Any,
+    found: Found, progress: Progress, **options: Any,
 ) -> Front:  # fmt: skip
     if len(objectives) < 2 or len(set(objectives)) != len(objectives):
         raise InputError(f"a front trades two or more different objectives; got {', '.join(objectives) or 'none'}")
@@ -307,33 +334,28 @@ def _pareto(
             {
                 name: partial(
                     pareto, alternative, objectives, method=method, seed=seed, keep_unproved=keep_unproved,
-                    progress=progress, **options,
+                    found=partial(_of_alternative, found, name), progress=progress, **options,
                 )
                 for name, alternative in problem.alternatives.items()
             },
             budget,
         )  # fmt: skip
-    chosen: FrontMethod = configured(FRONT_METHODS, method, seed=seed, progress=progress, **options)
+    chosen: FrontMethod = configured(FRONT_METHODS, method, seed=seed, progress=progress, found=found, **options)
     conflicts = fixed_conflicts(problem)
     if conflicts:
         raise NoSolutionFound(
             f"{problem.id}: no trajectory meets these limits together: {'; '.join(map(str, conflicts))}"
         )
-    found = chosen.pareto(problem, objectives)
+    xs = chosen.pareto(problem, objectives)
     interrupted = current().tell()
-    if not found.xs and not interrupted:
+    if not xs.xs and not interrupted:
         within = "" if budget is None else f" within its budget of {budget:g} s; give it more"
         raise NoSolutionFound(f"{problem.id}: {method} found no point{within}")
-    xs, checked = slow_down(problem, found.xs if problem.settle is None else [problem.settle(x) for x in found.xs])
-    # What was found may be proved where what it was settled to is not: a little less is asked of it.
-    unproved = [i for i, one in enumerate(checked) if not one.proved] if problem.settle is not None else []
-    for i, x in zip(unproved, slow_down(problem, [found.xs[i] for i in unproved])[0], strict=True):
-        xs[i] = x
-    info = {**found.info, "interrupted": interrupted}
-    return Front.of(
-        problem, tuple(objectives), xs,
-        method=found.method, seed=found.seed, seconds=found.seconds, info=info, keep_unproved=keep_unproved,
-    )  # fmt: skip
+    return proved_front(problem, objectives, replace(xs, interrupted=interrupted), keep_unproved)
+
+
+def _of_alternative(found: Found, name: str, record: Record) -> None:
+    found({**record, "alternative": name})
 
 
 def _best_front(runs: Mapping[str, Callable[..., Front]], budget: float | None) -> Front:
@@ -355,40 +377,11 @@ def _best_front(runs: Mapping[str, Callable[..., Front]], budget: float | None) 
     if not fronts:
         stop.check()
         raise reasons[0]
-    filled = [front for front in fronts.values() if len(front)]
-    signs = {o.id: 1.0 if o.sense == "min" else -1.0 for front in filled for o in front.traded}
-    ideal = {name: sign * min(sign * front.ideal[name] for front in filled) for name, sign in signs.items()}
-
-    def worth(name: str) -> float:
-        front = fronts[name]
-        known = set(front.objectives) <= set(front.problem.reference_point)
-        return front.hypervolume(ideal=ideal).value if len(front) and known else float(len(front) > 0)
-
-    worths = {name: worth(name) for name in fronts}
-    best = max(worths, key=lambda name: worths[name])
-    chosen = fronts[best]
-    others = {
-        name: {
-            "points": len(fronts[name]) if name in fronts else 0,
-            "hypervolume": worths.get(name, 0.0),
-            "points not dominated by the chosen front": _beyond(chosen, fronts[name]) if name in fronts else 0,
-        }
-        for name in runs
-    }
-    seconds = sum(front.seconds for front in fronts.values())
-    info = {**chosen.info, "alternative": best, "alternatives": others, "interrupted": stop.tell()}
+    best = best_front(fronts, runs)
     ended = [f"{front.info[ENDED_AFTER]} of {name}" for name, front in fronts.items() if ENDED_AFTER in front.info]
     ended += [f"nothing of {name}" for name in runs if name not in fronts and stop.interrupted]
-    return replace(chosen, seconds=seconds, info={**info, ENDED_AFTER: ", ".join(ended)} if ended else info)
-
-
-def _beyond(front: Front, other: Front) -> int:
-    """How many points of another front none of this front is as good as in every objective."""
-    if front is other or not len(other):
-        return 0
-    signs = np.array([1.0 if o.sense == "min" else -1.0 for o in front.traded])
-    ours, theirs = front.values * signs, other.values * signs
-    return int((~(ours[None] <= theirs[:, None]).all(axis=2).any(axis=1)).sum())
+    info = {**best.info, "interrupted": stop.tell()}
+    return replace(best, info={**info, ENDED_AFTER: ", ".join(ended)} if ended else info)
 
 
 def _with_free_payload(problem: Problem) -> Problem:

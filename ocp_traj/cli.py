@@ -34,7 +34,7 @@ from ocp_traj.reproduce import reproduce as run_reproduce
 from ocp_traj.solvers.pareto_set import ENDED_AFTER
 from ocp_traj.solvers.pso import SCHEDULES
 from ocp_traj.stopping import exit_code, stopping
-from ocp_traj.store import check_target, save_run
+from ocp_traj.store import Run, request
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.verdicts import ALLOWANCE, Audit
 
@@ -203,24 +203,31 @@ def pareto(
         raise InputError(
             f"{chosen.id} has no reference point for {', '.join(unbounded)}; give --reference {objectives}"
         )
-    check_target(output, force)
     options = _given(points=points, population=population, generations=generations)
+    asked = request(chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, options=options)
     with stopping() as stop:
-        with screen.progress(method) as progress:
-            front = api.pareto(
-                chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved, progress=progress,
-                **options,
-            )  # fmt: skip
-        if not len(front) and stop.interrupted:
-            return _interrupted("before the first point was found; nothing is written")
-        if not len(front):
-            screen.say(
-                f"{chosen.id}: {method} found no proved point ({front.info['dropped']}); --keep-unproved keeps the "
-                "others"
-            )
-            return NOT_PROVED
-        volume = front.hypervolume(*corners)
-        folder = save_run(front, output, force=force, hypervolume=volume)
+        with Run(output, asked, force=force) as kept:
+            try:
+                with screen.progress(method) as progress:
+                    front = api.pareto(
+                        chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
+                        found=kept.found, progress=progress, **options,
+                    )  # fmt: skip
+            except (OcpTrajError, KeyboardInterrupt):
+                if kept.holds_points:
+                    screen.say(f"what was found until then is kept: {output}")
+                raise
+            if not len(front):
+                kept.discard()
+                if stop.interrupted:
+                    return _interrupted("before the first point was found; nothing is written")
+                screen.say(
+                    f"{chosen.id}: {method} found no proved point ({front.info['dropped']}); --keep-unproved keeps the "
+                    "others"
+                )
+                return NOT_PROVED
+            volume = front.hypervolume(*corners)
+            folder = kept.finish(front, volume)
         screen.show(screen.front_sheet(front, volume, folder), json)
         for words in screen.front_remarks(front):
             screen.say(words)

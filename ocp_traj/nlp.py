@@ -236,7 +236,6 @@ class Solution:
         starts: how many this is the best of; 0 where none was needed.
         instead_of: what the solver ended with, where this is an earlier point that is proved and better.
         moved: of a population, whether it found anything better than its first generation.
-        detail: the solver's own words.
         interrupted: what Ctrl-C left undone, such as "after 3 of 40 starts"; empty where nothing was.
         certificate: of global optimality, where one was asked for.
         history: of a population, a row a generation.

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.case import check, choice, number, numbers
 from ocp_traj.curves import nonic
-from ocp_traj.errors import InputError, quoted
+from ocp_traj.errors import InputError
 from ocp_traj.motion import Motion
 from ocp_traj.objective import Objective, gauss
 from ocp_traj.pieces import Pieces, at_piece
@@ -95,8 +95,6 @@ class Ogbemhe2019:
     def __post_init__(self) -> None:
         """Checks the fields; those of a seam are checked where it is made."""
         check(self)
-        if self.case not in CASES:
-            raise InputError(f"case is {quoted(self.case)}; allowed are {', '.join(CASES)}")
         if self.rest_at_tags and self.case == "seam":
             raise InputError("rest_at_tags is for case air-move: a weld that keeps its speed does not rest at its tags")
         if not self.min_air_time < self.max_air_time:

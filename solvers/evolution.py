@@ -21,6 +21,7 @@ from ocp_traj.nlp import Solution, Status
 from ocp_traj.population import Population
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress
+from ocp_traj.records import Found, ignore, of_population
 from ocp_traj.scalarise import Scalarisation
 from ocp_traj.solvers.pareto_set import ENDED_AFTER, ParetoSet
 from ocp_traj.solvers.repair import slow_down
@@ -31,6 +32,8 @@ from ocp_traj.transcription import trajectory
 
 Array = NDArray[np.float64]
 
+# Between two records of a population: seconds, or this share of the time so far where that is longer; our choice.
+EVERY, SHARE = 1.0, 0.05
 WORST = 1e12  # finite stand-in for a value that could not be computed: NaN would reach the front
 # Feasibility: Deb's rules, the feasible before the infeasible. Penalty: the sum of excesses, weighted, on top of the
 # objective. Death: an infeasible individual is as bad as any other. Dominated: any feasible one is better than it.
@@ -147,7 +150,7 @@ class Evolution:
 
 def evolve(
     algorithm: Any, target: Vectorised, generations: int, seed: int, max_seconds: float, progress: Progress,
-    before: Any = None, after: Callable[[Any], bool] | None = None,
+    before: Any = None, after: Callable[[Any], bool] | None = None, found: Found = ignore,
 ) -> Evolution:  # fmt: skip
     """Runs a pymoo algorithm for some generations, or some time; Ctrl-C ends it early with what it has.
 
@@ -160,8 +163,9 @@ def evolve(
         progress: told after each generation.
         before: called with the algorithm and the number of the generation before it.
         after: called with the algorithm after each generation; the run ends where it says so.
+        found: given a record of the best individuals of several objectives, now and then and at the end.
     """
-    begun = time.perf_counter()
+    begun = told = time.perf_counter()
     algorithm.setup(target, termination=("n_gen", generations), seed=seed, verbose=False)
     rows: list[tuple[int, float, float]] = []
     least = np.nan
@@ -178,6 +182,10 @@ def evolve(
                     least = float(f[met].min())
                     champion = np.array(x[met][np.argmin(f[met])], dtype=float)
                 rows.append((target.individuals, least, float(excess.min())))
+                now = time.perf_counter()
+                if target.n_obj > 1 and now - told >= max(EVERY, SHARE * (now - begun)):
+                    _tell(found, _best(algorithm, target))
+                    told = now
                 over = after is not None and after(algorithm)
                 progress(len(rows), generations, f"best {least:.6g}" if np.isfinite(least) else "nothing feasible yet")
                 if over:
@@ -185,14 +193,27 @@ def evolve(
         except STOPS as reason:
             stop.take(reason)
         interrupted = algorithm.has_next() and stop.tell()
-    best = np.empty((0, target.problem_size))
-    if algorithm.opt is not None and len(algorithm.opt) and len(rows):
-        met = np.ravel(algorithm.opt.get("excess").astype(float)) <= 0.0
-        best = target.meant(np.atleast_2d(algorithm.opt.get("X").astype(float))[met])
-    if target.n_obj == 1:
-        best = champion[None] if champion is not None else best[:0]
+    if target.n_obj > 1:
+        best = _best(algorithm, target) if rows else np.empty((0, target.problem_size))
+        _tell(found, best)
+    else:
+        best = champion[None] if champion is not None else np.empty((0, target.problem_size))
     history = pd.DataFrame(rows, columns=["evaluations", "best", "violation"]).rename_axis("generation")
     return Evolution(best, history, time.perf_counter() - begun, interrupted)
+
+
+def _best(algorithm: Any, target: Vectorised) -> Array:
+    """The feasible and non-dominated individuals ``(M, n)``, as they are evaluated."""
+    best = algorithm.opt
+    if best is None or not len(best) or not best.has("excess"):
+        return np.empty((0, target.problem_size))
+    met = np.ravel(best.get("excess").astype(float)) <= 0.0
+    return target.meant(np.atleast_2d(best.get("X").astype(float))[met])
+
+
+def _tell(found: Found, best: Array) -> None:
+    if len(best):
+        found(of_population(best))
 
 
 def front_of(

@@ -28,6 +28,7 @@ from ocp_traj.population import Population
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.provenance import audit_points
+from ocp_traj.records import Found, ignore, of_solve
 from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart, best_of
@@ -57,6 +58,7 @@ class FrontTracer:
         seed: of those starts.
         max_seconds: stop after this, in the middle of a point, with those that are there.
         progress: told after each point.
+        found: given a record of each solve.
     """
 
     points: int = 40
@@ -65,6 +67,7 @@ class FrontTracer:
     seed: int = 0
     max_seconds: float = np.inf
     progress: Progress = silent
+    found: Found = ignore
 
     def __post_init__(self) -> None:
         """Checks the number of points."""
@@ -130,7 +133,7 @@ class _Trace:
             starts = max(self.tracer.starts, self.problem.starts)
             start = Multistart(self.tracer.solver, starts, self.tracer.seed + k)
             solution = start.solve(self.problem, self._end(name))
-            self._count(solution)
+            self._count(self._end(name), solution)
             if solution.ok:
                 self._add(solution)
             else:
@@ -144,13 +147,14 @@ class _Trace:
             bounds = {self.names.index(n): self._sign(n) * bound for n, bound in self._end(name).bounds.items()}
             x0, nearest = self._start(list(range(len(self.solutions))), bounds)
             solution = self.tracer.solver.solve(self.problem, self._end(name), x0)
-            self._count(solution)
+            self._count(self._end(name), solution)
             if solution.ok:
                 self._add(solution)
                 continue
             self.unsolved.append(name)
             stand_in = self._evaluated(x0, self.solutions[nearest])
             if stand_in is not None:
+                self.tracer.found(of_solve(self._end(name), stand_in))
                 self._add(stand_in)
 
     def sharpen(self) -> None:
@@ -169,7 +173,7 @@ class _Trace:
             solution = Multistart(self.tracer.solver, starts, self.tracer.seed + len(self.names) + k).solve(
                 self.problem, scalar
             )
-            self._count(solution)
+            self._count(scalar, solution)
             if (
                 solution.ok
                 and self._sign(other) * solution.objectives[other] < self.values[k, 1 - k] - WORTHWHILE * span[1 - k]
@@ -262,13 +266,13 @@ class _Trace:
         known = self.solutions[nearest]
         solver = replace(self.tracer.solver, first=known.instants)
         solution = solver.solve(self.problem, scalar, x0)
-        self._count(solution)
+        self._count(scalar, solution)
         others = [self.solutions[i].x for i in neighbours if i != nearest]
         # Once more, from the neighbours themselves and with all rows: of many local optima the other may lead to a
         # better one.
         for x in [known.x, *others] if not solution.own.ok else others if self.problem.starts > 1 else []:
             again = self.tracer.solver.solve(self.problem, scalar, x)
-            self._count(again)
+            self._count(scalar, again)
             solution = best_of([solution, again])
             if solution.own.ok and self.problem.starts == 1:
                 break
@@ -299,7 +303,8 @@ class _Trace:
         merit = 1e3 * over + (values[:, free] / span[free]).sum(axis=1)
         return candidates[int(np.argmin(merit))]
 
-    def _count(self, solution: Solution) -> None:
+    def _count(self, scalar: Scalarisation, solution: Solution) -> None:
+        self.tracer.found(of_solve(scalar, solution))
         self.solves += 1
         self.iterations += solution.iterations
         self.failed += not solution.ok

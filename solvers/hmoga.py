@@ -32,6 +32,7 @@ from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.records import Found, ignore
 from ocp_traj.solvers.attainment import refine, well_spaced
 from ocp_traj.solvers.elitism import ControlledElitism
 from ocp_traj.solvers.evolution import WORST, Vectorised, ended_after, evolve, require_sizes
@@ -74,6 +75,7 @@ class HMOGA:
         per_segment: instants a segment at which limits are looked at in a generation, at least its degree.
         max_seconds: time for all; of what the ends leave, evolution gets one half.
         progress: told after each generation, then after each refined point.
+        found: given a record of each solve, and of the population now and then.
     """
 
     seed: int
@@ -94,6 +96,7 @@ class HMOGA:
     per_segment: int = 5
     max_seconds: float = np.inf
     progress: Progress = silent
+    found: Found = ignore
 
     def __post_init__(self) -> None:
         """Checks the numbers."""
@@ -118,9 +121,8 @@ class HMOGA:
 
     def _run(self, problem: Problem, objectives: Sequence[str], stop: Stopping) -> ParetoSet:
         begun = time.perf_counter()
-        ends = FrontTracer(len(objectives), solver=self.solver, starts=self.starts, seed=self.seed).pareto(
-            problem, objectives
-        )
+        tracer = FrontTracer(len(objectives), solver=self.solver, starts=self.starts, seed=self.seed, found=self.found)
+        ends = tracer.pareto(problem, objectives)
         info: dict[str, Any] = {
             "ends": {**ends.info, "points": len(ends.xs), "seconds": ends.seconds},
             "cannot act": CANNOT_ACT,
@@ -144,7 +146,7 @@ class HMOGA:
         )
         algorithm.tournament_type = "comp_by_rank_and_crowding"
         left = SHARE * max(stop.deadline - time.perf_counter(), 0.0)
-        run = evolve(algorithm, target, self.generations, self.seed, left, self.progress, after=watch)
+        run = evolve(algorithm, target, self.generations, self.seed, left, self.progress, after=watch, found=self.found)
         info |= {
             "population": self.population,
             "generations": len(run.history),
@@ -164,7 +166,7 @@ class HMOGA:
         f = target.population.evaluate(np.array([*among, *genetic])).objectives * target.signs
         chosen = [genetic[i - len(among)] for i in well_spaced(f, self.points) if i >= len(among)]
         chosen += _least_broken(algorithm.pop, self.points - len(among) - len(chosen))
-        refined = refine(problem, objectives, chosen, self.solver, among, self.progress)
+        refined = refine(problem, objectives, chosen, self.solver, among, self.progress, self.found)
         if refined.reached < len(chosen):
             info[ENDED_AFTER] = f"refining {refined.reached} of {len(chosen)} points"
         info |= {

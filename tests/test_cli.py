@@ -150,7 +150,9 @@ def test_pareto_writes_a_run_and_never_overwrites_it(call: Call, tmp_path: Path)
         "time [s]", "energy [N2 m2/s]", "jerk [(m2+rad2)/s5]", "acceleration [(m2+rad2)/s3]",
     ]  # fmt: skip
     assert (table["verdict"] == "proved").all() and (table["margin"] > -1e-9).all()
-    assert sorted(p.name for p in folder.iterdir()) == ["front.csv", "front.png", "run.json", "trajectories"]
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "front.csv", "front.png", "journal.jsonl", "run.json", "trajectories",
+    ]  # fmt: skip
     assert call("audit", folder / "trajectories" / "000.json")[0] == 0
     exported = tmp_path / "front.parquet"
     assert call("export", folder, "--format", "parquet", "-o", exported)[0] == 0
