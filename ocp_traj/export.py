@@ -17,7 +17,7 @@ from ocp_traj.front_table import read_front_csv
 from ocp_traj.motion import COLUMNS
 from ocp_traj.run_folder import MANIFEST, TABLE
 from ocp_traj.run_reader import load_run, read_manifest
-from ocp_traj.trajectory import COLUMNS, Trajectory
+from ocp_traj.trajectory import Trajectory
 
 FORMAT = "ocp-traj/table/1"
 FORMATS = ("csv", "parquet", "json", "ros")
