@@ -181,7 +181,7 @@ def pareto(
     ] = None,
     ideal: Annotated[
         str | None,
-        typer.Option(metavar="A,B[,..]", help="Ideal point of the hypervolume; the front's own if not given."),
+        typer.Option(metavar="A,B[,..]", help="Ideal point of the hypervolume; the problem's own if not given."),
     ] = None,
     keep_unproved: Annotated[bool, typer.Option(help="Keep points that are not proved.")] = False,
     force: Annotated[bool, typer.Option(help="Replace an existing run.")] = False,
@@ -222,7 +222,9 @@ def pareto(
     for words in screen.front_remarks(front):
         screen.say(words)
     screen.say(f"run: {folder}\npicture: {folder / 'front.png'}")
-    return INTERRUPTED if front.info.get("interrupted") else DONE
+    if front.info.get("interrupted"):
+        return INTERRUPTED
+    return NOT_PROVED if front.info.get("moved") is False else DONE
 
 
 @app.command()

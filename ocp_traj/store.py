@@ -113,9 +113,9 @@ def _swap(new: Path, target: Path, old: Path) -> None:
 def describe(front: Front, hypervolume: Hypervolume | None = None) -> dict[str, Any]:
     """What ``run.json`` holds, as plain JSON values."""
     try:
-        measured = vars(hypervolume or front.hypervolume())
+        measured = (hypervolume or front.hypervolume()).to_dict()
     except InputError:  # the problem has no reference point for these objectives
-        measured = dict.fromkeys(("value", "volume", "reference", "ideal", "own_ideal"))
+        measured = dict.fromkeys(("value", "volume", "reference", "ideal", "ideal_from", "own_ideal"))
     described = plain(
         {
             "format": FORMAT,

@@ -121,6 +121,8 @@ class HMOGA:
         }
         if ends.info.get("conflict") is False:
             info["conflict"] = False
+        if "ideal" in ends.info:
+            info["ideal"] = ends.info["ideal"]
         if ends.interrupted or "conflict" in info:
             return ParetoSet(ends.xs, "hmoga", self.seed, ends.seconds, info, ends.interrupted)
         rng = np.random.default_rng(self.seed)
@@ -145,6 +147,7 @@ class HMOGA:
             "evaluations": target.individuals,
             "evaluation seconds": target.seconds,
             "evolution seconds": run.seconds,
+            "moved": run.moved,
             "history": {"generation": list(range(1, len(watch.rows) + 1)), **watch.history.to_dict("list")},
         }
         genetic = [x for x in _inside(target, run.best) if not any(np.array_equal(x, end) for end in ends.xs)]
@@ -157,6 +160,7 @@ class HMOGA:
         chosen += _least_broken(algorithm.pop, self.points - len(among) - len(chosen))
         refined = refine(problem, objectives, chosen, self.solver, among, begun + self.max_seconds, self.progress)
         info |= {
+            "moved": run.moved or refined.better > 0,
             "genetic front": len(genetic),
             "points to refine": len(chosen),
             "points refined": refined.better,
