@@ -38,7 +38,13 @@ def best_front(fronts: Mapping[str, Front], names: Iterable[str]) -> Front:
         for name in names
     }
     seconds = sum(front.seconds for front in fronts.values())
-    return replace(chosen, seconds=seconds, info={**chosen.info, "alternative": best, "alternatives": others})
+    info = {**chosen.info, "alternative": best, "alternatives": others}
+    ends = [front.info["ideal"] for front in fronts.values() if "ideal" in front.info]
+    if len(ends) == len(fronts):
+        info["ideal"] = {name: sign * min(sign * one[name] for one in ends) for name, sign in signs.items()}
+    else:
+        info.pop("ideal", None)
+    return replace(chosen, seconds=seconds, info=info)
 
 
 def _beyond(front: Front, other: Front) -> int:

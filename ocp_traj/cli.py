@@ -183,7 +183,7 @@ def pareto(
     ] = None,
     ideal: Annotated[
         str | None,
-        typer.Option(metavar="A,B[,..]", help="Ideal point of the hypervolume; the front's own if not given."),
+        typer.Option(metavar="A,B[,..]", help="Ideal point of the hypervolume; the problem's own if not given."),
     ] = None,
     keep_unproved: Annotated[bool, typer.Option(help="Keep points that are not proved.")] = False,
     force: Annotated[bool, typer.Option(help="Replace an existing run.")] = False,
@@ -237,7 +237,7 @@ def pareto(
             return _interrupted(f"after {ended}" if ended else "")
         if ended:
             screen.say(f"the budget ended it after {ended}")
-        return DONE
+        return NOT_PROVED if front.info.get("moved") is False else DONE
 
 
 @app.command()

@@ -93,6 +93,9 @@ class Problem:
         dilate: (x, s) -> x of the same path s times slower, where the problem allows it.
         default_objective: what ``solve`` minimises when not told.
         reference_point: per objective, the worst value worth having: it bounds a front and its hypervolume.
+        ideal_point: per objective, a value that no front of it and others within the reference point is better than, as
+            far as local solves know: what a front's hypervolume is measured from. Empty for a case whose ideal nobody
+            has looked for; ``benchmarks/ideal_points.py`` does.
         starts: random starts of a local solver when not told how many.
         stepping_stone: an objective that is easy to solve for from a guess; solves for others begin at its optimum.
         instants: a segment, of a first grid of constraint exchange that stays; if not given, degree/2 + 1, at least 3,
@@ -135,6 +138,7 @@ class Problem:
     dilate: Callable[[Array, float], Array] | None = None
     default_objective: str = ""
     reference_point: Mapping[str, float] = field(default_factory=dict)
+    ideal_point: Mapping[str, float] = field(default_factory=dict)
     starts: int = 1
     stepping_stone: str = ""
     instants: int | Mapping[str, Sequence[float]] | None = None

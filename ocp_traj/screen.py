@@ -345,7 +345,7 @@ def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
         "points": len(front),
         "seconds": front.seconds,
         "seed": front.seed,
-        "hypervolume": vars(volume),
+        "hypervolume": volume.to_dict(),
         "spread": front.spread(),
         "knee": knee,
         "info": dict(front.info),
@@ -353,15 +353,18 @@ def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
         "run": str(folder),
         "picture": str(folder / "front.png"),
     }
+    own = " (from its own ideal: not comparable)" if volume.own_ideal else ""
     title = (
         f"{front.problem.id}: {len(front)} proved points by {front.method} in {front.seconds:.1f} s; "
-        f"hypervolume {volume.value:.4f}, spread {front.spread():.3f}, knee at point {knee}"
+        f"hypervolume {volume.value:.4f}{own}, spread {front.spread():.3f}, knee at point {knee}"
     )
     return Sheet(data, [(title, ["point", *columns], rows), *_notes(front.problem)])
 
 
 def front_remarks(front: Front) -> Iterator[str]:
     """What a reader of a front should not overlook."""
+    if front.info.get("moved") is False:
+        yield f"{front.method} found nothing better than its first generation, which is what this front is made of"
     if front.info.get("conflict") is False:
         yield f"{' and '.join(front.objectives)} do not conflict here: one trajectory is best in both"
     refined, known = front.info.get("points to refine", 0), front.info.get("genetic front", 0)

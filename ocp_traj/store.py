@@ -149,9 +149,9 @@ def save_run(front: Front, folder: str | Path, *, force: bool = False, hypervolu
 def describe(front: Front, hypervolume: Hypervolume | None = None) -> dict[str, Any]:
     """What ``run.json`` holds beside the request when a run has ended, as plain JSON values."""
     try:
-        measured = vars(hypervolume or front.hypervolume())
+        measured = (hypervolume or front.hypervolume()).to_dict()
     except InputError:  # the problem has no reference point for these objectives
-        measured = dict.fromkeys(("value", "volume", "reference", "ideal", "own_ideal"))
+        measured = dict.fromkeys(("value", "volume", "reference", "ideal", "ideal_from", "own_ideal"))
     described = {"seconds": front.seconds, "points": len(front), "hypervolume": measured, "info": front.info}
     return dict(plain(described))
 

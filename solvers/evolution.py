@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 # Between two records of a population: seconds, or this share of the time so far where that is longer; our choice.
 EVERY, SHARE = 1.0, 0.05
 WORST = 1e12  # finite stand-in for a value that could not be computed: NaN would reach the front
+SAME = 1e-9  # relative: a value better by less is the same; our choice
 # Feasibility: Deb's rules, the feasible before the infeasible. Penalty: the sum of excesses, weighted, on top of the
 # objective. Death: an infeasible individual is as bad as any other. Dominated: any feasible one is better than it.
 HANDLING = ("feasibility", "penalty", "death", "dominated")
@@ -135,12 +136,15 @@ class Evolution:
             where there is none) and ``violation`` (least sum of excesses in the generation).
         seconds: spent.
         interrupted: whether Ctrl-C ended it before its last generation.
+        moved: whether it found anything better than its first generation: a feasible individual that none of the first
+            is as good as in every objective, to ``SAME``.
     """
 
     best: Array
     history: pd.DataFrame
     seconds: float
     interrupted: bool
+    moved: bool
 
     def reached(self, value: float) -> int | None:
         """Evaluations after which the best value was at most this, or None."""
@@ -170,6 +174,17 @@ def evolve(
     rows: list[tuple[int, float, float]] = []
     least = np.nan
     champion: Array | None = None
+    begun_with = np.empty((0, target.n_obj))
+
+    def feasible() -> Array:
+        """Objectives ``(M, objectives)`` of the best so far, less is better."""
+        if target.n_obj == 1:
+            return np.array([[least]])[[champion is not None]]
+        if algorithm.opt is None or not len(algorithm.opt) or not algorithm.opt.has("excess"):
+            return np.empty((0, target.n_obj))
+        met = np.ravel(algorithm.opt.get("excess").astype(float)) <= 0.0
+        return np.asarray(algorithm.opt.get("F").astype(float)[met])
+
     with stopping(max_seconds) as stop:
         try:
             while algorithm.has_next() and not stop.due:
@@ -182,6 +197,8 @@ def evolve(
                     least = float(f[met].min())
                     champion = np.array(x[met][np.argmin(f[met])], dtype=float)
                 rows.append((target.individuals, least, float(excess.min())))
+                if len(rows) == 1:
+                    begun_with = feasible()
                 now = time.perf_counter()
                 if target.n_obj > 1 and now - told >= max(EVERY, SHARE * (now - begun)):
                     _tell(found, _best(algorithm, target))
@@ -199,7 +216,12 @@ def evolve(
     else:
         best = champion[None] if champion is not None else np.empty((0, target.problem_size))
     history = pd.DataFrame(rows, columns=["evaluations", "best", "violation"]).rename_axis("generation")
-    return Evolution(best, history, time.perf_counter() - begun, interrupted)
+    return Evolution(best, history, time.perf_counter() - begun, interrupted, _gains(feasible(), begun_with))
+
+
+def _gains(values: Array, on: Array) -> bool:
+    """Whether one of some values ``(M, objectives)`` is better than each of others ``(N, objectives)`` in something."""
+    return bool((values[:, None] < on - SAME * np.abs(on)).any(axis=2).all(axis=1).any())
 
 
 def _best(algorithm: Any, target: Vectorised) -> Array:
@@ -230,6 +252,7 @@ def front_of(
         "evaluation seconds": target.seconds,
         "algorithm seconds": run.seconds - target.seconds,
         **ended_after(run, generations),
+        "moved": run.moved,
     }
     return ParetoSet(list(run.best), method, seed, run.seconds, info, run.interrupted)
 
@@ -260,6 +283,7 @@ def solution_of(
         raise NoSolutionFound(_nothing(problem, method, population, generations, run))
     (x,), (found,) = slow_down(problem, [run.best[0]])
     mended = "" if np.array_equal(x, run.best[0]) else ", slowed down where limits were broken between its instants"
+    claim = "not claimed to be optimal" if run.moved else "none is better than the best of those it began with"
     objectives = evaluate_objectives(problem, x)
     sign = 1.0 if problem.objective(name).sense == "min" else -1.0
     return Solution(
@@ -273,7 +297,8 @@ def solution_of(
         objectives=objectives,
         trajectory=trajectory(problem, x),
         audit=found,
-        detail=f"{method}: the best of {target.individuals} individuals{mended}; not claimed to be optimal",
+        detail=f"{method}: the best of {target.individuals} individuals{mended}; {claim}",
+        moved=run.moved,
         history=run.history,
         interrupted=f"after {len(run.history)} of {generations} generations" if run.interrupted else "",
     )

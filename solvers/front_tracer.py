@@ -102,6 +102,8 @@ class FrontTracer:
             info["conflict"] = False
         if not complete:
             info[ENDED_AFTER] = f"{len(trace.solutions)} of {self.points} points"
+        if trace.ended and not trace.unsolved:
+            info["ideal"] = trace.ideal
         xs = [solution.x for solution in trace.solutions]
         return ParetoSet(xs, "trace", self.seed, time.perf_counter() - begun, info, interrupted)
 
@@ -119,7 +121,7 @@ class _Trace:
         self.solutions: list[Solution] = []
         self.values = np.empty((0, len(objectives)))
         self.solves = self.iterations = self.failed = 0
-        self.conflict = True
+        self.conflict, self.ended = True, False  # whether there is anything to trade; whether all ends were tried
         self.unsolved: list[str] = []  # objectives whose end is only the best point known
 
     def ends(self) -> None:
@@ -156,6 +158,12 @@ class _Trace:
             if stand_in is not None:
                 self.tracer.found(of_solve(self._end(name), stand_in))
                 self._add(stand_in)
+        self.ended = True
+
+    @property
+    def ideal(self) -> dict[str, float]:
+        """Best value of each objective, in its own sense."""
+        return dict(zip(self.names, (self.values.min(axis=0) * self.signs).tolist(), strict=True))
 
     def sharpen(self) -> None:
         """Makes each of two ends the best in the other objective as well, from random starts.

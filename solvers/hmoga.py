@@ -129,6 +129,8 @@ class HMOGA:
         }
         if ends.info.get("conflict") is False:
             info["conflict"] = False
+        if "ideal" in ends.info:
+            info["ideal"] = ends.info["ideal"]
         if ENDED_AFTER in ends.info:
             info[ENDED_AFTER] = f"{len(ends.xs)} of {len(objectives)} ends of the front"
         if ENDED_AFTER in info or "conflict" in info:
@@ -155,6 +157,7 @@ class HMOGA:
             "evaluations": target.individuals,
             "evaluation seconds": target.seconds,
             "evolution seconds": run.seconds,
+            "moved": run.moved,
             "history": {"generation": list(range(1, len(watch.rows) + 1)), **watch.history.to_dict("list")},
             **({} if watch.stalled else ended_after(run, self.generations)),
         }
@@ -170,6 +173,7 @@ class HMOGA:
         if refined.reached < len(chosen):
             info[ENDED_AFTER] = f"refining {refined.reached} of {len(chosen)} points"
         info |= {
+            "moved": run.moved or refined.better > 0,
             "genetic front": len(genetic),
             "points to refine": len(chosen),
             "points refined": refined.better,

@@ -15,7 +15,7 @@ from ocp_traj.symbolic import evaluate_objectives
 
 Array = NDArray[np.float64]
 
-BETTER = 1e-8  # relative: an incumbent is better that gains more than this, which back-off may cost; our choice
+BETTER = 1e-6  # relative: an incumbent is better that gains more than this; our choice, 100 x what exchange leaves open
 
 
 def no_worse_than(
