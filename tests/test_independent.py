@@ -37,6 +37,10 @@ def test_every_field_of_a_case_is_known_with_its_default(problem: str) -> None:
 
 
 HEAVY = ("air move, rest",)
+# Limits with symmetric bounds that the audit and this code measure alike.
+SYMMETRIC = (
+    "velocity-limit", "acceleration-limit", "jerk-limit", "snap-limit", "effort-limit", "effort", "force", "torque", "yaw",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n in HEAVY else []) for n in VARIANTS])
@@ -45,6 +49,10 @@ def test_sound_trajectories_are_proved_and_every_row_of_their_audit_is_recompute
     found, audited = excesses(data), Trajectory.from_dict(data).audit()
     assert audited.proved and not broken(found)
     assert {row.limit for row in audited.rows} <= set(found)
+    for limit in found:
+        if limit in SYMMETRIC:  # the peak itself, which the audit encloses to 1e-3 of the bound
+            peak = max(abs(row.attained / row.bound) for row in audited.rows if row.limit == limit)
+            assert found[limit] == pytest.approx(peak - 1.0, abs=1.1e-3)
 
 
 # --- each limit, broken on purpose ---
