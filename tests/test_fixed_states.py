@@ -9,7 +9,9 @@ from ocp_traj import problems
 from ocp_traj.fixed_states import fixed_conflicts, fixed_values
 from ocp_traj.problem import Problem
 from ocp_traj.requirements import PathConstraint, Requirements
-from tests.closed_form import FORCE, LINKS, G, HybridRobot, quintic_problem, septic_problem
+from tests.closed_form import quintic_problem, septic_problem
+from tests.independent.hybrid import FORCE
+from tests.independent.robots import LINKS, G, HybridRobot
 
 MOVED_BY_F3 = sum(mass for mass, _, _ in LINKS[1:])  # links 2, 3 and 4 hang on the lift [kg]
 

@@ -3,12 +3,11 @@
 import json
 from collections.abc import Sequence
 from dataclasses import replace
-from math import acos, asin, pi, sqrt
+from math import asin, pi, sqrt
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from numpy.polynomial import Polynomial
 from numpy.testing import assert_allclose
@@ -29,6 +28,10 @@ from ocp_traj.solvers.scaling import TimeScaling
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import trajectory, transcribe, uniform_instants
+from tests.independent.check import broken, excesses
+from tests.independent.motion import Motion
+from tests.independent.robots import WristRobot, efforts
+from tests.independent.wrist import segment_distance, tip, tips, wrist_angles
 
 FITNESS = WeightedSum({"fitness": 1.0})
 BLOCKED, OPEN = 4.46973957, 2.76640438  # fitness; found by other code as 4.4698 and 2.7664
@@ -40,26 +43,6 @@ V_MAX, A_MAX = np.array([2.0, 2.0, 3.0]), np.array([10.0, 10.0, 15.0])
 
 
 # --- the wrist again, sharing nothing with the package ---
-
-
-def rotation_z(angle: float) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def rotation_y(angle: float) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-
-
-def tip(q: Sequence[float], d3: float = 2.0) -> np.ndarray:
-    return rotation_z(q[0]) @ rotation_y(q[1]) @ rotation_z(q[2]) @ np.array([0.0, 0.0, d3])
-
-
-def segment_distance(end: np.ndarray, centre: np.ndarray) -> float:
-    """From a point to the segment between the origin and ``end``."""
-    along = min(max(float(centre @ end) / float(end @ end), 0.0), 1.0)
-    return float(np.linalg.norm(centre - along * end))
 
 
 class Polynomials:
@@ -109,37 +92,18 @@ def polynomials(problem: Problem, x: np.ndarray) -> Polynomials:
     return Polynomials(np.array([*ends[0], 0.0]), np.asarray(x), np.array(ends[1]))
 
 
-def wrist_angles(point: Sequence[float], branch: int) -> tuple[float, float]:
-    """Angles that point the link at a point, from the polar angle; the other branch turns half round and bends back."""
-    polar = acos(point[2] / float(np.linalg.norm(point)))
-    azimuth = float(np.angle(complex(point[0], point[1])))
-    if branch == 0:
-        return azimuth, polar
-    return azimuth - pi * np.sign(azimuth), -polar
-
-
 def least_distance(curve: Polynomials, sphere: Sequence[float], samples: int = 4001) -> float:
     """Between the link's axis and a sphere's centre, over a fine scan, less the radii; < 0 where they overlap."""
-    q = curve.at(0, samples)
-    ends = 2.0 * np.stack([np.cos(q[:, 0]) * np.sin(q[:, 1]), np.sin(q[:, 0]) * np.sin(q[:, 1]), np.cos(q[:, 1])], 1)
-    centre = np.array(sphere[:3])
-    along = np.clip(ends @ centre / 4.0, 0.0, 1.0)
-    return float(np.linalg.norm(along[:, None] * ends - centre, axis=1).min() - sphere[3] - LINK)
+    return float(segment_distance(tips(curve.at(0, samples)), np.array(sphere[:3])).min() - sphere[3] - LINK)
 
 
-def check(problem: Problem, x: np.ndarray, spheres: Sequence[Sequence[float]] = (SPHERE,), slack: float = 1e-9) -> None:
-    """Ends, rest, continuity, limits on a fine scan and the distance from every sphere."""
+def check(problem: Problem, x: np.ndarray) -> None:
+    """Every limit, recomputed; and the curve is that of the variables."""
+    data = trajectory(problem, x).to_dict()
+    assert not broken(excesses(data))
     curve = polynomials(problem, x)
-    q, v, a = (curve.at(order, 4001) for order in range(3))
-    assert_allclose(tip(q[0]), problem.case.ends[0], atol=1e-9)
-    assert_allclose(tip(q[-1]), problem.case.ends[1], atol=1e-9)
-    assert_allclose([v[0], v[-1], a[0], a[-1]], 0.0, atol=1e-9)
-    assert_allclose(v[4000], v[4001], atol=1e-9)
-    assert_allclose(a[4000], a[4001], atol=1e-8)
-    for values, bound in ((q, np.full(3, pi)), (v, V_MAX), (a, A_MAX)):
-        assert (np.abs(values) <= bound * (1.0 + slack)).all()
-    for sphere in spheres:
-        assert least_distance(curve, sphere) >= -slack
+    found = np.concatenate([Motion.read(data).at(k, np.linspace(0.0, 1.0, 101)) for k in (0, 1)])
+    assert_allclose(found, curve.at(0, 101), atol=1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -265,18 +229,7 @@ def test_clearance_is_the_angle_by_which_an_obstacle_may_grow(wrist: Problem) ->
 
 def test_efforts_are_pinocchios() -> None:
     """Cylinders of 1.2 and 0.8 kg, a rod of 0.25 kg and 0.2 m, and 0.30 kg at its tip."""
-    model = pin.Model()
-    third = pin.Inertia.FromCylinder(0.25, 0.02, 0.2)
-    third = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1])).act(third) + pin.Inertia(
-        0.30, np.array([0.0, 0.0, 0.2]), np.zeros((3, 3))
-    )
-    bodies = (pin.Inertia.FromCylinder(1.2, 0.05, 0.1), pin.Inertia.FromCylinder(0.8, 0.04, 0.08), third)
-    joint = 0
-    for i, (kind, body) in enumerate(zip((pin.JointModelRZ, pin.JointModelRY, pin.JointModelRZ), bodies, strict=True)):
-        joint = model.addJoint(joint, kind(), pin.SE3.Identity(), f"joint{i}")
-        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-    data = model.createData()
-    model.gravity.linear = np.array([0.0, 0.0, -9.81])
+    machine = WristRobot()
     problem = problems.load("wrist-obstacle", branch="0", effort_limits=True)
     (limit,) = [c for c in problem.requirements.path_constraints if c.id == "effort"]
     assert_allclose(limit.upper, [1.0, 2.0, 0.2])
@@ -285,7 +238,7 @@ def test_efforts_are_pinocchios() -> None:
         u = np.linspace(0.0, 1.0, 11)
         for k in (0, 1):
             states = [moving.curve.at(k, u, order) for order in range(3)]
-            theirs = np.array([pin.rnea(model, data, *state) for state in zip(*states, strict=True)])
+            theirs = efforts(machine, *states)
             ours = limit_on(moving, problem.requirements, limit, k, u).T
             assert_allclose(ours, theirs, atol=1e-10 * np.abs(theirs).max())
 
@@ -333,7 +286,7 @@ def test_without_obstacles_no_clearance_is_spoken_of() -> None:
     assert [o.id for o in problem.objectives] == ["time", "distance", "fitness"]
     solution = solve(problem)
     assert solution.f == approx(4.3372007, abs=1e-6)
-    check(problem, solution.x, ())
+    check(problem, solution.x)
 
 
 @pytest.mark.slow
@@ -357,7 +310,7 @@ def test_two_spheres_are_both_cleared() -> None:
     problem = problems.load("wrist-obstacle", branch="0", obstacles=spheres)
     solution = solve(problem, starts=3)
     assert solution.audit is not None and solution.audit.proved
-    check(problem, solution.x, spheres)
+    check(problem, solution.x)
     one = problems.load("wrist-obstacle", branch="0")
     assert solution.f > BLOCKED + 1e-4
     assert least_distance(polynomials(one, solve(one, starts=1).x), spheres[1]) < 0.0
@@ -368,7 +321,7 @@ def test_an_obstacle_beyond_the_tips_reach_is_passed_by_the_tip_itself() -> None
     assert [c.id for c in problem.requirements.path_constraints][-1] == "far-obstacles"
     solution = solve(problem, starts=1)
     assert solution.status is Status.SOLVED and solution.audit is not None and solution.audit.proved
-    check(problem, solution.x, (FAR,))
+    check(problem, solution.x)
     assert least_distance(polynomials(problem, solution.x), FAR) < 1e-6  # it is touched
     assert solution.f > 4.3372007  # without an obstacle, see below
 
