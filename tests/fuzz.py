@@ -31,7 +31,8 @@ from ocp_traj.cli import run as command_line
 from ocp_traj.errors import OcpTrajError
 from ocp_traj.front import Front
 from ocp_traj.limits_file import read_requirements
-from ocp_traj.store import load_run, save_run
+from ocp_traj.run_reader import load_run
+from ocp_traj.store import save_run
 from ocp_traj.trajectory import Trajectory
 from tests import mutations
 from tests.independent import limits

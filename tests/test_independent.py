@@ -39,7 +39,8 @@ def test_every_field_of_a_case_is_known_with_its_default(problem: str) -> None:
 HEAVY = ("air move, rest",)
 # Limits with symmetric bounds that the audit and this code measure alike.
 SYMMETRIC = (
-    "velocity-limit", "acceleration-limit", "jerk-limit", "snap-limit", "effort-limit", "effort", "force", "torque", "yaw",
+    "velocity-limit", "acceleration-limit", "jerk-limit", "snap-limit", "effort-limit", "effort", "force", "torque",
+    "yaw",
 )  # fmt: skip
 
 
