@@ -17,11 +17,12 @@ from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound, quoted
 from ocp_traj.fixed_states import fixed_conflicts
 from ocp_traj.front import Front
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import Status
 from ocp_traj.problem import Decomposition, Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.records import Found, Record, ignore
 from ocp_traj.scalarise import Scalarisation, WeightedSum, check_names
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.branch_and_bound import BranchAndBound, is_certifiable, require_certifiable
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer

@@ -27,10 +27,11 @@ from ocp_traj.errors import InputError, OcpTrajError, cut, quoted
 from ocp_traj.export import export as run_export
 from ocp_traj.files import LONGEST_PATH, check_writable
 from ocp_traj.limits_file import read_requirements
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import Status
 from ocp_traj.plot import check_picture, plot_trajectory, save_history
 from ocp_traj.problem import Problem
 from ocp_traj.reproduce import reproduce as run_reproduce
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.pareto_set import ENDED_AFTER
 from ocp_traj.solvers.pso import SCHEDULES
 from ocp_traj.stopping import exit_code, stopping

@@ -21,10 +21,10 @@ from ocp_traj import progress as progress_module
 from ocp_traj.errors import cut
 from ocp_traj.files import plain
 from ocp_traj.front import Front, Hypervolume
-from ocp_traj.nlp import Solution
 from ocp_traj.objective import rule_name
 from ocp_traj.problem import Problem
 from ocp_traj.reproduce import Reproduction
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.payload import LargestPayload
 from ocp_traj.verdicts import CHECKED, Audit, AuditRow
 
