@@ -12,17 +12,15 @@ INSTALL = $(PIP) install --quiet --prefer-binary
 # A file stays on one worker, so what its tests share is computed once.
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
-# One thread: the results repeat bit by bit, and the workers do not fight for the cores.
-export OPENBLAS_NUM_THREADS = 1
-
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow coverage lint clean
+.PHONY: help front test test-slow kill coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
 	@echo "make test       install with the test tools, run the default tests"
 	@echo "make test-slow  the slow tests"
+	@echo "make kill       a front killed at 20 random moments: nothing finished is lost"
 	@echo "make coverage   all tests, with their coverage"
 	@echo "make lint       ruff, and mypy on the installed package"
 	@echo "make clean      remove $(VENV), builds and caches; runs/ stays"
@@ -36,6 +34,9 @@ test: $(VENV)/.installed-dev
 
 test-slow: $(VENV)/.installed-dev
 	$(PYTEST) -m slow
+
+kill: $(VENV)/.installed-dev
+	$(BIN)/python benchmarks/kill.py
 
 coverage: $(VENV)/.installed-dev
 	$(PYTEST) -m "" --cov

@@ -5,10 +5,6 @@
 Each line is solved at the default weights and proved, and then for the shortest time in the air.
 """
 
-import os
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported: one thread is as quick here
-
 import time
 
 import ocp_traj as ot

@@ -1,14 +1,8 @@
 """Robot trajectory optimisation whose every trajectory is optimal and provably legal."""
 
-import os
 from importlib import import_module
 from pathlib import Path
 from typing import Any
-
-# Threads change the order in which BLAS sums, and with it the last bits of a result: one thread makes a run repeatable
-# bit by bit. OpenBLAS reads this when it is loaded, so it stands before every import of NumPy, SciPy and CasADi (where
-# the caller has imported them already it comes too late); a value the user has set is kept.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # In a checkout `problems/` and `solvers/` lie beside this package, not in it, and from the repository root this package
 # hides an installed one: without these lines `import ocp_traj.problems` fails there after a plain install.
@@ -31,7 +25,7 @@ _PUBLIC = {
     "Limits": "ocp_traj.limits:Limits",
     "Problem": "ocp_traj.problem:Problem",
     "Requirements": "ocp_traj.requirements:Requirements",
-    "load_run": "ocp_traj.store:load_run",
+    "load_run": "ocp_traj.run_reader:load_run",
 }
 
 

@@ -1,6 +1,23 @@
-"""``python -m ocp_traj`` is the command ``ocp-traj``."""
+"""``python -m ocp_traj`` and the ``ocp-traj`` script: from the first line on, Ctrl-C ends it without a traceback.
 
-from ocp_traj.cli import main
+To import the command line takes a second or more, so what it needs is imported once signals are obeyed.
+"""
+
+import sys
+
+from ocp_traj import standard_streams, stopping
+
+
+def main() -> None:
+    """Entry point of the ``ocp-traj`` script."""
+    stopping.obey_signals()
+    standard_streams.repair()
+    from ocp_traj.cli import run
+
+    code = run()
+    stopping.ignore_signals()
+    sys.exit(code)
+
 
 if __name__ == "__main__":
     main()

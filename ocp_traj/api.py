@@ -6,18 +6,22 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ocp_traj import problems
-from ocp_traj.audit import audit
-from ocp_traj.errors import InputError, NoSolutionFound
+from ocp_traj.alternatives import best_front
+from ocp_traj.blas import one_blas_thread
+from ocp_traj.errors import InputError, NoSolutionFound, quoted
 from ocp_traj.fixed_states import fixed_conflicts
 from ocp_traj.front import Front
 from ocp_traj.nlp import Solution, Status
 from ocp_traj.problem import Decomposition, Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.provenance import audit_points
+from ocp_traj.records import Found, Record, ignore
 from ocp_traj.scalarise import Scalarisation, WeightedSum, check_names
 from ocp_traj.solvers.branch_and_bound import BranchAndBound, is_certifiable, require_certifiable
 from ocp_traj.solvers.exchange import Exchange
@@ -27,13 +31,16 @@ from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.nsga2 import NSGA2
-from ocp_traj.solvers.pareto_set import FrontMethod
+from ocp_traj.solvers.pareto_set import ENDED_AFTER, FrontMethod, proved_front
+from ocp_traj.solvers.payload import OBJECTIVE as PAYLOAD_MASS
 from ocp_traj.solvers.payload import LargestPayload, along, static_bound, within
 from ocp_traj.solvers.pso import PSO
-from ocp_traj.solvers.repair import largest_excess, slow_down
+from ocp_traj.solvers.repair import largest_excess
+from ocp_traj.stopping import current, stopping
+from ocp_traj.store import Run, request
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
+from ocp_traj.transcription import case_fields
 
 FRONT_METHODS: dict[str, type[Any]] = {"trace": FrontTracer, "nsga2": NSGA2, "mopso": MOPSO, "hmoga": HMOGA}
 METHODS = tuple(FRONT_METHODS)
@@ -52,6 +59,7 @@ def scalarisation(problem: Problem, objective: str | None, weights: Mapping[str,
     return chosen
 
 
+@one_blas_thread
 def solve(
     problem: Problem,
     *,
@@ -84,37 +92,67 @@ def solve(
         options: fields of the class of ``pso`` or ``ga``, such as ``population``.
 
     Returns:
-        The best solution, with trajectory, objectives and audit; infeasible ones name the limits in conflict. A problem
-        with a ``decomposition`` is solved by its parts: what they combine to may break limits of the whole.
-        ``solution.alternatives`` holds those of all alternatives, where the problem leaves a choice open.
+        The best solution, with trajectory, objectives and audit; one that is infeasible, or locally so from every
+        start, names the limits in conflict. A problem with a ``decomposition`` is solved by its parts: what they
+        combine to may break limits of the whole. ``solution.alternatives`` holds those of all alternatives, where the
+        problem leaves a choice open.
+
+    Raises:
+        KeyboardInterrupt: after Ctrl-C before the first start has ended; later on the best so far is returned, and its
+            ``interrupted`` says what was left undone. It takes the time of an iteration of IPOPT, or of a generation.
     """
+    with stopping() as stop:
+        found = _solve(
+            problem, objective=objective, weights=weights, method=method, starts=starts, seed=seed,
+            all_optima=all_optima, solver=solver, certify=certify, progress=progress, **options,
+        )  # fmt: skip
+        return replace(found, interrupted=found.interrupted or "at its very end") if stop.tell() else found
+
+
+def _solve(
+    problem: Problem, *, objective: str | None, weights: Mapping[str, float] | None, method: str, starts: int | None,
+    seed: int, all_optima: bool, solver: Exchange | None, certify: bool | None, progress: Progress, **options: Any,
+) -> Solution:  # fmt: skip
     if starts is None:
         starts = max(problem.starts, OPTIMA_STARTS if all_optima else 1)
     if starts < 1:
         raise InputError(f"starts is {starts}; give one or more")
     if method not in SOLVE_METHODS:
-        raise InputError(f"there is no method {method!r}; methods are {', '.join(SOLVE_METHODS)}")
+        raise InputError(f"there is no method {quoted(method)}; methods are {', '.join(SOLVE_METHODS)}")
     scalar = scalarisation(problem, objective, weights)
     if certify:
         require_certifiable(problem, scalar)
     if problem.alternatives:
-        solved = {
-            name: solve(
-                alternative, objective=objective, weights=weights, method=method, starts=starts, seed=seed,
-                all_optima=all_optima, solver=solver, certify=certify, progress=progress, **options,
-            )
-            for name, alternative in problem.alternatives.items()
-        }  # fmt: skip
+        solved: dict[str, Solution] = {}
+        for name, alternative in problem.alternatives.items():
+            try:
+                solved[name] = solve(
+                    alternative, objective=objective, weights=weights, method=method, starts=starts, seed=seed,
+                    all_optima=all_optima, solver=solver, certify=certify, progress=progress, **options,
+                )  # fmt: skip
+            except KeyboardInterrupt as reason:
+                if not solved:
+                    raise
+                current().take(reason)
+                break
         optima = sorted((o for s in solved.values() for o in s.optima), key=lambda o: o.solution.f)
         seconds = sum(s.seconds for s in solved.values())
-        return replace(best_of(list(solved.values())), alternatives=solved, optima=tuple(optima), seconds=seconds)
+        started = sum(s.starts for s in solved.values())
+        interrupted = ", ".join(f"{s.interrupted} of {name}" for name, s in solved.items() if s.interrupted)
+        if len(solved) < len(problem.alternatives):
+            left = [name for name in problem.alternatives if name not in solved]
+            interrupted = f"{interrupted or 'after ' + ', '.join(solved)}, before {', '.join(left)}"
+        return replace(
+            best_of(list(solved.values())), alternatives=solved, optima=tuple(optima), seconds=seconds,
+            interrupted=interrupted, starts=started,
+        )  # fmt: skip
     conflicts = fixed_conflicts(problem)
     if conflicts:
         # Broken where nothing can be changed: no solver needs to try.
         nothing = np.full(problem.size, np.nan)
         return Solution(
             problem.id, nothing, np.nan, Status.INFEASIBLE, conflicts[0].excess / conflicts[0].row.scale, 0, 0.0,
-            conflicts=conflicts, detail="broken at an end, whatever the variables",
+            conflicts=conflicts, detail="broken at an end, whatever the variables", starts=0,
         )  # fmt: skip
     if problem.decomposition is not None:
         return _by_parts(problem, problem.decomposition, objective, weights, method, starts, seed, solver, **options)
@@ -129,7 +167,7 @@ def solve(
     proved = found.audit is not None and found.audit.proved
     default = method == "exchange" and problem.size <= MOST_DURATIONS and is_certifiable(problem, scalar)
     wanted = default if certify is None else certify
-    if not (wanted and proved and found.ok):
+    if not (wanted and proved and found.ok) or found.interrupted:
         return found
     judge = BranchAndBound(progress=progress)
     if method == "exchange":
@@ -144,13 +182,24 @@ def _population(
     chosen = configured(POPULATION_METHODS, method, seed=seed, progress=progress, **options)
     found: list[Solution] = []
     failure: NoSolutionFound | None = None
+    stop = current()
     for k in range(runs):
         try:
             found.append(replace(chosen, seed=seed + k).solve(problem, scalar))
         except NoSolutionFound as error:
             failure = error
+        except KeyboardInterrupt as reason:
+            if not found:
+                raise
+            stop.take(reason)
+        if stop.interrupted:
+            break
     if not found and failure is not None:
+        stop.check()
         raise failure
+    if stop.tell() and runs > 1:
+        ended = [solution for solution in found if not solution.interrupted]
+        return replace(best_of(found), interrupted=f"after {len(ended)} of {runs} starts")
     return best_of(found)
 
 
@@ -166,7 +215,7 @@ def _by_parts(
         for name in scalar.names:
             if name not in known:
                 raise InputError(
-                    f"{problem.id} is solved by parts here, and {part.title!r} has no objective {name!r}; "
+                    f"{problem.id} is solved by parts here, and {part.title!r} has no objective {quoted(name)}; "
                     f"it has {', '.join(known)}"
                 )
         solution = solve(
@@ -177,8 +226,7 @@ def _by_parts(
             return replace(solution, name=part.title, seconds=time.perf_counter() - begun)
         parts.append(solution)
     x = np.clip(recipe.combine([part.x for part in parts]), problem.lower, problem.upper)
-    candidate = trajectory(problem, x)
-    found = audit(candidate, problem.requirements)
+    candidate, found = audit_points(problem, [x])[0]
     values = evaluate_objectives(problem, x)
     return Solution(
         name=problem.id,
@@ -192,20 +240,22 @@ def _by_parts(
         trajectory=candidate,
         audit=found,
         detail=f"{len(parts)} parts solved alone and put together: not an optimum of the whole",
+        interrupted="; ".join(f"{p.interrupted} of {p.name}" for p in parts if p.interrupted),
     )
 
 
 def configured(table: Mapping[str, type[Any]], method: str, **options: Any) -> Any:
     """A method's object; options it does not have are refused."""
     if method not in table:
-        raise InputError(f"there is no method {method!r}; methods are {', '.join(table)}")
+        raise InputError(f"there is no method {quoted(method)}; methods are {', '.join(table)}")
     known = [f.name for f in fields(table[method])]
     for name in options:
         if name not in known:
-            raise InputError(f"{method} has no option {name!r}; its options are {', '.join(known)}")
+            raise InputError(f"{method} has no option {quoted(name)}; its options are {', '.join(known)}")
     return table[method](**options)
 
 
+@one_blas_thread
 def pareto(
     problem: Problem,
     objectives: Sequence[str],
@@ -214,6 +264,9 @@ def pareto(
     seed: int = 0,
     budget: float | None = None,
     keep_unproved: bool = False,
+    output: str | Path | None = None,
+    force: bool = False,
+    found: Found = ignore,
     progress: Progress = silent,
     **options: Any,
 ) -> Front:
@@ -224,14 +277,47 @@ def pareto(
         objectives: two or more ids.
         method: one of ``METHODS``.
         seed: of everything random.
-        budget: stop after this time [s] with what is there.
+        budget: stop after this time [s] with what is there; to prove that takes a little longer.
         keep_unproved: whether points stay that are not proved, even slowed down.
+        output: folder to write the run to, as ``ocp-traj pareto -o`` does: what is finished is on the disk at once.
+        force: whether a run that is there is replaced.
+        found: given a record of each finished solve, or of a population now and then.
         progress: told how far it is.
         options: fields of the method's class, such as ``points`` of trace and ``population`` of nsga2.
 
     Returns:
-        The front: proved, non-dominated points.
+        The front: proved, non-dominated points. Ctrl-C ends it early with those it has, within the time of an iteration
+        of IPOPT or of a generation: then ``front.info["interrupted"]`` is true, and ``front.info["ended after"]`` says
+        what was done of how much, as it does where the budget was too small.
     """
+    run = partial(
+        _pareto, problem, objectives, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
+        progress=progress, **options,
+    )  # fmt: skip
+    with stopping():
+        if output is None:
+            return run(found=found)
+        asked = request(
+            problem, objectives, method, seed=seed, budget=budget, keep_unproved=keep_unproved, options=options
+        )
+        with Run(output, asked, force=force) as kept:
+
+            def keep(record: Record) -> None:
+                kept.found(record)
+                found(record)
+
+            front = run(found=keep)
+            if len(front):
+                kept.finish(front)
+            else:
+                kept.discard()
+        return front
+
+
+def _pareto(
+    problem: Problem, objectives: Sequence[str], *, method: str, seed: int, budget: float | None, keep_unproved: bool,
+    found: Found, progress: Progress, **options: Any,
+) -> Front:  # fmt: skip
     if len(objectives) < 2 or len(set(objectives)) != len(objectives):
         raise InputError(f"a front trades two or more different objectives; got {', '.join(objectives) or 'none'}")
     for name in objectives:
@@ -243,84 +329,73 @@ def pareto(
             raise InputError(f"the budget is {budget} s; give a time above zero")
         options["max_seconds"] = budget
     if problem.alternatives:
-        if budget is not None:
-            budget /= len(problem.alternatives)
+        options.pop("max_seconds", None)
         return _best_front(
             {
                 name: partial(
-                    pareto, alternative, objectives, method=method, seed=seed, budget=budget,
-                    keep_unproved=keep_unproved, progress=progress, **options,
+                    pareto, alternative, objectives, method=method, seed=seed, keep_unproved=keep_unproved,
+                    found=partial(_of_alternative, found, name), progress=progress, **options,
                 )
                 for name, alternative in problem.alternatives.items()
-            }
+            },
+            budget,
         )  # fmt: skip
-    chosen: FrontMethod = configured(FRONT_METHODS, method, seed=seed, progress=progress, **options)
+    chosen: FrontMethod = configured(FRONT_METHODS, method, seed=seed, progress=progress, found=found, **options)
     conflicts = fixed_conflicts(problem)
     if conflicts:
         raise NoSolutionFound(
             f"{problem.id}: no trajectory meets these limits together: {'; '.join(map(str, conflicts))}"
         )
-    found = chosen.pareto(problem, objectives)
-    settled = found.xs if problem.settle is None else [problem.settle(x) for x in found.xs]
-    xs, checked = slow_down(problem, settled)
-    for i, one in enumerate(checked):
-        if (
-            not one.proved and problem.settle is not None
-        ):  # what was found may be proved, if a little less was asked of it
-            xs[i] = slow_down(problem, [found.xs[i]])[0][0]
-    info = {**found.info, "interrupted": found.interrupted}
-    return Front.of(
-        problem, tuple(objectives), xs,
-        method=found.method, seed=found.seed, seconds=found.seconds, info=info, keep_unproved=keep_unproved,
-    )  # fmt: skip
+    xs = chosen.pareto(problem, objectives)
+    interrupted = current().tell()
+    if not xs.xs and not interrupted:
+        within = "" if budget is None else f" within its budget of {budget:g} s; give it more"
+        raise NoSolutionFound(f"{problem.id}: {method} found no point{within}")
+    return proved_front(problem, objectives, replace(xs, interrupted=interrupted), keep_unproved)
 
 
-def _best_front(runs: Mapping[str, Callable[[], Front]]) -> Front:
-    """The front of the alternative that dominates most of the box of all; ``info`` says what the others have."""
+def _of_alternative(found: Found, name: str, record: Record) -> None:
+    found({**record, "alternative": name})
+
+
+def _best_front(runs: Mapping[str, Callable[..., Front]], budget: float | None) -> Front:
+    """The front of the alternative that dominates most of the box of all; ``info`` says what the others have.
+
+    Each gets an even share of what the ones before it have left of the budget.
+    """
     fronts: dict[str, Front] = {}
-    reasons = []
-    for name, run in runs.items():
+    reasons: list[NoSolutionFound] = []
+    begun, stop = time.perf_counter(), current()
+    for number, (name, run) in enumerate(runs.items()):
+        left = None if budget is None else max(budget - (time.perf_counter() - begun), 1e-3) / (len(runs) - number)
         try:
-            fronts[name] = run()
+            fronts[name] = run(budget=left)
         except NoSolutionFound as error:
             reasons.append(error)
-        if name in fronts and fronts[name].info.get("interrupted"):
+        if stop.interrupted:
             break
     if not fronts:
+        stop.check()
         raise reasons[0]
-    filled = [front for front in fronts.values() if len(front)]
-    signs = {o.id: 1.0 if o.sense == "min" else -1.0 for front in filled for o in front.traded}
-    ideal = {name: sign * min(sign * front.ideal[name] for front in filled) for name, sign in signs.items()}
-
-    def worth(name: str) -> float:
-        front = fronts[name]
-        known = set(front.objectives) <= set(front.problem.reference_point)
-        return front.hypervolume(ideal=ideal).value if len(front) and known else float(len(front) > 0)
-
-    worths = {name: worth(name) for name in fronts}
-    best = max(worths, key=lambda name: worths[name])
-    chosen = fronts[best]
-    others = {
-        name: {
-            "points": len(fronts[name]) if name in fronts else 0,
-            "hypervolume": worths.get(name, 0.0),
-            "points not dominated by the chosen front": _beyond(chosen, fronts[name]) if name in fronts else 0,
-        }
-        for name in runs
-    }
-    seconds = sum(front.seconds for front in fronts.values())
-    return replace(chosen, seconds=seconds, info={**chosen.info, "alternative": best, "alternatives": others})
+    best = best_front(fronts, runs)
+    ended = [f"{front.info[ENDED_AFTER]} of {name}" for name, front in fronts.items() if ENDED_AFTER in front.info]
+    ended += [f"nothing of {name}" for name in runs if name not in fronts and stop.interrupted]
+    info = {**best.info, "interrupted": stop.tell()}
+    return replace(best, info={**info, ENDED_AFTER: ", ".join(ended)} if ended else info)
 
 
-def _beyond(front: Front, other: Front) -> int:
-    """How many points of another front none of this front is as good as in every objective."""
-    if front is other or not len(other):
-        return 0
-    signs = np.array([1.0 if o.sense == "min" else -1.0 for o in front.traded])
-    ours, theirs = front.values * signs, other.values * signs
-    return int((~(ours[None] <= theirs[:, None]).all(axis=2).any(axis=1)).sum())
+def _with_free_payload(problem: Problem) -> Problem:
+    """The problem with its payload among its variables and its objectives."""
+    if any(objective.id == PAYLOAD_MASS for objective in problem.objectives):
+        return problem
+    if problem.id not in problems.names():
+        raise InputError(
+            f"{problem.id} has no objective {PAYLOAD_MASS!r}: give it the payload as a variable and as that objective"
+        )
+    return problems.load(problem.id, **{**case_fields(problem), "free_payload": True})
 
 
+@one_blas_thread
 def payload(
     problem: Problem,
     *,
@@ -330,13 +405,16 @@ def payload(
     seed: int = 0,
     progress: Progress = silent,
 ) -> LargestPayload:
-    """The largest payload: for every time law, along a trajectory, or of all trajectories within a time [s]."""
+    """The largest payload: for every time law, along a trajectory, or of all trajectories within a time [s].
+
+    Ctrl-C raises ``KeyboardInterrupt``, unless a start of the last has ended: then the best so far is returned, and
+    ``found.solution.interrupted`` says so.
+    """
     if trajectory is not None and max_time is not None:
         raise InputError("give a trajectory or a time, not both")
     if trajectory is not None:
         return along(problem, trajectory)
     if max_time is not None:
-        case = {name: getattr(problem.case, name) for name in problem.case.__dataclass_fields__}
-        free = problems.load(problem.id, **{**case, "free_payload": True})
-        return within(free, max_time, Multistart(Exchange(), starts, seed, progress=progress))
+        solver = Multistart(Exchange(), starts, seed, progress=progress)
+        return within(_with_free_payload(problem), max_time, solver)
     return static_bound(problem)

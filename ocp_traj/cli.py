@@ -1,7 +1,12 @@
 """The command line: ``ocp-traj``, also ``python -m ocp_traj``.
 
 Results go to stdout, as tables or, with ``--json``, as one JSON object; progress and messages go to stderr. Exit codes:
-0 done and proved; 1 the result is infeasible, violated or undecided; 2 wrong input, in one line; 130 interrupted.
+0 done and proved; 1 the result is infeasible, violated or undecided, or cannot be written; 2 wrong input, in one line;
+130, 143 and 129 ended by Ctrl-C, SIGTERM and SIGHUP.
+
+One of these signals ends ``solve``, ``pareto`` and ``payload`` within the time of an iteration of IPOPT or of a
+generation: what has been found is shown and written, and one line on stderr says what was left undone. Any other
+command, and the second signal anywhere, ends at once. No file is ever half written.
 """
 
 from __future__ import annotations
@@ -17,23 +22,26 @@ import typer
 
 from ocp_traj import __version__, api, problems, screen
 from ocp_traj.audit import audit as run_audit
-from ocp_traj.errors import InputError, OcpTrajError
+from ocp_traj.blas import one_blas_thread
+from ocp_traj.errors import InputError, OcpTrajError, cut, quoted
 from ocp_traj.export import export as run_export
-from ocp_traj.files import check_writable
-from ocp_traj.limits_file import check_joints, read_requirements
-from ocp_traj.nlp import Status
+from ocp_traj.files import LONGEST_PATH, check_writable
+from ocp_traj.limits_file import read_requirements
+from ocp_traj.nlp import Solution, Status
 from ocp_traj.plot import check_picture, plot_trajectory, save_history
 from ocp_traj.problem import Problem
 from ocp_traj.reproduce import reproduce as run_reproduce
+from ocp_traj.solvers.pareto_set import ENDED_AFTER
 from ocp_traj.solvers.pso import SCHEDULES
-from ocp_traj.store import check_target, save_run
+from ocp_traj.stopping import exit_code, stopping
+from ocp_traj.store import Run, request
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.verdicts import Audit
+from ocp_traj.verdicts import ALLOWANCE, Audit
 
-DONE, NOT_PROVED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, NOT_PROVED, WRONG_INPUT = 0, 1, 2
+LONGEST_USAGE = 500  # of a message about options [characters]: our choice
 
 app = typer.Typer(
-    help="Robot trajectories that are optimal and proved to keep every limit at every instant.",
     add_completion=False,
     invoke_without_command=True,
     pretty_exceptions_enable=False,
@@ -54,7 +62,11 @@ Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
 def start(
     context: typer.Context, version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False
 ) -> int:
-    """Robot trajectories that are optimal and proved to keep every limit at every instant."""
+    """Robot trajectories that are optimal and proved to keep every limit at every instant.
+
+    Exit codes: 0 done and proved; 1 infeasible, violated, undecided, or not written; 2 wrong input; 130, 143, 129 ended
+    by Ctrl-C, SIGTERM, SIGHUP, with what had been found until then.
+    """
     if version:
         print(f"ocp-traj {__version__}")
         raise typer.Exit(DONE)
@@ -118,7 +130,7 @@ def solve(
 
     Example: ocp-traj solve hybrid-spline --objective time -o fast.json
     """
-    weights = {name: _number(value, f"--weight {name}") for name, value in _pairs(weight, "--weight").items()}
+    weights = {name: _number(value, f"--weight {cut(name)}") for name, value in _pairs(weight, "--weight").items()}
     chosen = _load(problem, set_)
     targets = [path for path in (output, plot, history) if path is not None]
     if len(set(targets)) < len(targets):
@@ -135,26 +147,18 @@ def solve(
     options = _given(
         population=population, generations=generations, schedule=schedule, handling=handling, scaling=scaling
     )
-    with screen.progress("solving") as progress:
-        solution = api.solve(
-            chosen, objective=objective, weights=weights, method=method, starts=starts, seed=seed,
-            all_optima=all_optima, certify=certify, progress=progress, **options,
-        )  # fmt: skip
-    screen.show(screen.solution_sheet(chosen, solution), json)
-    if solution.trajectory is None or solution.audit is None:
-        screen.say(solution.explain())
-        return NOT_PROVED
-    if output is not None:
-        screen.say(f"trajectory: {solution.trajectory.save(output)}")
-    if plot is not None:
-        screen.say(f"picture: {plot_trajectory(solution.trajectory, chosen.requirements, plot)}")
-    if history is not None and solution.history is not None:
-        screen.say(f"history: {save_history(solution.history, history)}")
-    if solution.certificate is not None:
-        screen.say(solution.certificate.explain())
-    if solution.status is Status.FEASIBLE:
-        screen.say(f"feasible, not optimal: {solution.detail}")
-    return _verdict(solution.audit, solution.status.ok)
+    with stopping() as stop:
+        with screen.progress("solving") as progress:
+            solution = api.solve(
+                chosen, objective=objective, weights=weights, method=method, starts=starts, seed=seed,
+                all_optima=all_optima, certify=certify, progress=progress, **options,
+            )  # fmt: skip
+        try:  # what was found is shown whatever becomes of the files, and written whatever becomes of stdout
+            _write(solution, chosen, output, plot, history)
+        finally:
+            screen.show(screen.solution_sheet(chosen, solution), json)
+        code = _outcome(solution)
+        return _interrupted(solution.interrupted) if stop.interrupted else code
 
 
 @app.command()
@@ -179,7 +183,7 @@ def pareto(
     ] = None,
     ideal: Annotated[
         str | None,
-        typer.Option(metavar="A,B[,..]", help="Ideal point of the hypervolume; the front's own if not given."),
+        typer.Option(metavar="A,B[,..]", help="Ideal point of the hypervolume; the problem's own if not given."),
     ] = None,
     keep_unproved: Annotated[bool, typer.Option(help="Keep points that are not proved.")] = False,
     force: Annotated[bool, typer.Option(help="Replace an existing run.")] = False,
@@ -199,28 +203,41 @@ def pareto(
         raise InputError(
             f"{chosen.id} has no reference point for {', '.join(unbounded)}; give --reference {objectives}"
         )
-    check_target(output, force)
     options = _given(points=points, population=population, generations=generations)
-    with screen.progress(method) as progress:
-        front = api.pareto(
-            chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved, progress=progress,
-            **options,
-        )  # fmt: skip
-    if not len(front) and front.info.get("interrupted"):
-        screen.say("interrupted before the first point was found; nothing is written")
-        return INTERRUPTED
-    if not len(front):
-        screen.say(
-            f"{chosen.id}: {method} found no proved point ({front.info['dropped']}); --keep-unproved keeps the others"
-        )
-        return NOT_PROVED
-    volume = front.hypervolume(*corners)
-    folder = save_run(front, output, force=force, hypervolume=volume)
-    screen.show(screen.front_sheet(front, volume, folder), json)
-    for words in screen.front_remarks(front):
-        screen.say(words)
-    screen.say(f"run: {folder}\npicture: {folder / 'front.png'}")
-    return INTERRUPTED if front.info.get("interrupted") else DONE
+    asked = request(chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, options=options)
+    with stopping() as stop:
+        with Run(output, asked, force=force) as kept:
+            try:
+                with screen.progress(method) as progress:
+                    front = api.pareto(
+                        chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
+                        found=kept.found, progress=progress, **options,
+                    )  # fmt: skip
+            except (OcpTrajError, KeyboardInterrupt):
+                if kept.holds_points:
+                    screen.say(f"what was found until then is kept: {output}")
+                raise
+            if not len(front):
+                kept.discard()
+                if stop.interrupted:
+                    return _interrupted("before the first point was found; nothing is written")
+                screen.say(
+                    f"{chosen.id}: {method} found no proved point ({front.info['dropped']}); --keep-unproved keeps the "
+                    "others"
+                )
+                return NOT_PROVED
+            volume = front.hypervolume(*corners)
+            folder = kept.finish(front, volume)
+        screen.show(screen.front_sheet(front, volume, folder), json)
+        for words in screen.front_remarks(front):
+            screen.say(words)
+        screen.say(f"run: {folder}\npicture: {folder / 'front.png'}")
+        ended = front.info.get(ENDED_AFTER, "")
+        if stop.interrupted:
+            return _interrupted(f"after {ended}" if ended else "")
+        if ended:
+            screen.say(f"the budget ended it after {ended}")
+        return NOT_PROVED if front.info.get("moved") is False else DONE
 
 
 @app.command()
@@ -252,14 +269,19 @@ def payload(
                 "the bound for every time law has no trajectory to write; give --along or --max-time with -o"
             )
     trajectory = None if along is None else Trajectory.load(along)
-    with screen.progress("payload") as progress:
-        found = api.payload(
-            chosen, trajectory=trajectory, max_time=max_time, starts=starts, seed=seed, progress=progress
-        )
-    screen.show(screen.payload_sheet(found), json)
-    if output is not None and found.trajectory is not None:
-        screen.say(f"trajectory: {found.trajectory.save(output)}")
-    return DONE
+    with stopping() as stop:
+        with screen.progress("payload") as progress:
+            found = api.payload(
+                chosen, trajectory=trajectory, max_time=max_time, starts=starts, seed=seed, progress=progress
+            )
+        try:
+            if output is not None and found.trajectory is not None:
+                screen.say(f"trajectory: {found.trajectory.save(output)}")
+        finally:
+            screen.show(screen.payload_sheet(found), json)
+        if stop.interrupted:
+            return _interrupted("" if found.solution is None else found.solution.interrupted)
+        return DONE
 
 
 @app.command()
@@ -268,6 +290,9 @@ def audit(
     limits: Annotated[
         Path | None, typer.Option(help="Limits to audit against (TOML); its own problem's if not given.")
     ] = None,
+    allowance: Annotated[
+        float, typer.Option(metavar="SHARE", help="Of each bound, by which it may be exceeded and still be met.")
+    ] = ALLOWANCE,
     json: AsJson = False,
 ) -> int:
     """Proves that a trajectory keeps its limits, or says where not.
@@ -276,11 +301,13 @@ def audit(
     """
     moved = Trajectory.load(trajectory)
     if limits is None:
+        if allowance != ALLOWANCE:
+            raise InputError("--allowance is for limits of a file; give --limits too, or leave it out")
         checked = moved.audit()
     else:
-        requirements = read_requirements(limits)
-        check_joints(moved, requirements)
-        checked = run_audit(moved, requirements)
+        checked = run_audit(moved, read_requirements(limits), allowance=allowance)
+    if not checked.rows:
+        raise InputError(f"{limits or moved.problem} asks nothing of {trajectory}: nothing is proved; give a limit")
     screen.show(screen.audit_sheet(checked), json)
     return _verdict(checked)
 
@@ -318,11 +345,45 @@ def export(
     Example: ocp-traj export fast.json --format ros
     """
     suffix = {"ros": ".ros.yaml"}.get(format, f".export.{format}")
-    place = source if source.name else source.resolve()  # `.` has no name of its own
+    place = source if source.name else Path(os.path.realpath(source))  # `.` has no name of its own, and `/` has none
+    if output is None and not place.name:
+        raise InputError(f"{source} has no name to call a file by; give one with -o")
     target = output or place.with_name(place.stem + suffix)
     written = run_export(source, format, target, samples=samples)
     screen.show(screen.Sheet({"written": str(written), "format": format}, []), json)
     screen.say(f"written: {written}")
+
+
+def _write(solution: Solution, problem: Problem, output: Path | None, plot: Path | None, history: Path | None) -> None:
+    """Writes what was asked for of a solution, as far as there is one."""
+    if solution.trajectory is None or solution.audit is None:
+        return
+    if output is not None:
+        screen.say(f"trajectory: {solution.trajectory.save(output)}")
+    if plot is not None:
+        screen.say(f"picture: {plot_trajectory(solution.trajectory, problem.requirements, plot)}")
+    if history is not None and solution.history is not None:
+        screen.say(f"history: {save_history(solution.history, history)}")
+
+
+def _outcome(solution: Solution) -> int:
+    """Says how a solution is to be taken; the exit code of that."""
+    if solution.trajectory is None or solution.audit is None:
+        screen.say(solution.explain())
+        return NOT_PROVED
+    if solution.certificate is not None:
+        screen.say(solution.certificate.explain())
+    if solution.status is Status.FEASIBLE:
+        screen.say(f"feasible, not optimal: {solution.detail}")
+    elif not solution.ok:
+        screen.say(f"{solution.status.value}: {solution.detail}")
+    return _verdict(solution.audit, solution.ok and solution.moved)
+
+
+def _interrupted(words: str) -> int:
+    """Says what was left undone, if anything was; the exit code of that."""
+    screen.say(f"interrupted {words or 'when all was done'}")
+    return exit_code()
 
 
 def _given(**options: Any) -> dict[str, Any]:
@@ -339,10 +400,10 @@ def _pairs(assignments: Sequence[str] | None, option: str) -> dict[str, str]:
     for text in assignments or ():
         name, equals, value = text.partition("=")
         if not (equals and name.strip() and value.strip()):
-            hint = f"; an empty list is written {name.strip()}=none" if equals and name.strip() else ""
-            raise InputError(f"{option} {text!r} is not NAME=VALUE{hint}")
+            hint = f"; an empty list is written {cut(name.strip())}=none" if equals and name.strip() else ""
+            raise InputError(f"{option} {quoted(text)} is not NAME=VALUE{hint}")
         if name.strip() in pairs:
-            raise InputError(f"{option} gives {name.strip()!r} twice; give it once")
+            raise InputError(f"{option} gives {quoted(name.strip())} twice; give it once")
         pairs[name.strip()] = value.strip()
     return pairs
 
@@ -351,7 +412,7 @@ def _number(text: str, what: str) -> float:
     try:
         return float(text)
     except ValueError as error:
-        raise InputError(f"{what} is {text!r}; give a number") from error
+        raise InputError(f"{what} is {quoted(text)}; give a number") from error
 
 
 def _point(text: str | None, names: Sequence[str], option: str) -> dict[str, float] | None:
@@ -359,7 +420,7 @@ def _point(text: str | None, names: Sequence[str], option: str) -> dict[str, flo
         return None
     numbers = [_number(part, option) for part in text.split(",")]
     if not all(isfinite(number) for number in numbers):
-        raise InputError(f"{option} is {text!r}; give finite numbers")
+        raise InputError(f"{option} is {quoted(text)}; give finite numbers")
     if len(numbers) != len(names):
         raise InputError(f"{option} has {len(numbers)} numbers; give one for each of {', '.join(names)}")
     return dict(zip(names, numbers, strict=True))
@@ -372,6 +433,22 @@ def _verdict(checked: Audit, solved: bool = True) -> int:
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Runs a command line and returns its exit code; errors become one line on stderr."""
+    try:
+        with one_blas_thread:
+            code = _run(arguments)
+        if sys.stdout is not None:
+            sys.stdout.flush()  # else Python finds at exit that it cannot, with a traceback
+    except OSError as error:
+        if error.filename is not None:
+            screen.say(f"error: {cut(str(error.filename), LONGEST_PATH)}: {error.strerror}")
+            return WRONG_INPUT
+        sys.stdout = open(os.devnull, "w")  # what could not be written is not tried again at exit
+        screen.say(f"error: cannot write the result: {error.strerror or error}")
+        return NOT_PROVED
+    return code
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     command: Callable[..., Any] = typer.main.get_command(app)
     # The base of all errors about options and arguments; typer does not export it.
     usage_error: type[Exception] = typer.BadParameter.__mro__[2]
@@ -382,26 +459,19 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except OcpTrajError as error:
         code = WRONG_INPUT if isinstance(error, InputError) else NOT_PROVED
         if "--json" in (sys.argv[1:] if arguments is None else arguments):
-            screen.show(screen.Sheet({"error": str(error), "exit_code": code}, []), json=True)
+            screen.show(
+                screen.Sheet({"error": cut(str(error), screen.LONGEST_MESSAGE), "exit_code": code}, []), json=True
+            )
         screen.say(f"error: {error}")
         return code
     except (KeyboardInterrupt, typer.Abort):
-        screen.say("interrupted")
-        return INTERRUPTED
+        screen.say("interrupted before anything was found; nothing is written")
+        return exit_code()
     except typer.Exit as stop:
         return int(stop.exit_code)
-    except OSError as error:  # files of ours raise OcpTrajError: what is left is stdout, full or closed
-        sys.stdout = open(os.devnull, "w")  # what could not be written is not tried again at exit
-        screen.say(f"error: cannot write the result: {error.strerror or error}")
-        return NOT_PROVED
     except usage_error as error:
         words = error.format_message() if hasattr(error, "format_message") else str(error)
         if words:
-            screen.say(f"error: {' '.join(words.split())}; see ocp-traj --help")
+            screen.say(f"error: {cut(' '.join(words.split()), LONGEST_USAGE)}; see ocp-traj --help")
         return WRONG_INPUT
     return result if isinstance(result, int) else DONE
-
-
-def main() -> None:
-    """Entry point of the ``ocp-traj`` script."""
-    sys.exit(run())

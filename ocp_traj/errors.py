@@ -1,5 +1,20 @@
 """Errors of the library: each says what was given, what is allowed, and what to do."""
 
+LONGEST, MOST_NAMES = 80, 300  # of a value, and of a list of names, in a message [characters]: our choice
+
+
+def quoted(value: object, most: int = LONGEST) -> str:
+    """A value as a message quotes it, its middle left out where it is long."""
+    return cut(repr(value), most)
+
+
+def cut(text: str, most: int = LONGEST) -> str:
+    """A text, its middle left out where it is long."""
+    if len(text) <= most:
+        return text
+    half = most // 2
+    return f"{text[:half]} .. {text[-half:]} ({len(text)} characters)"
+
 
 class OcpTrajError(Exception):
     """Base of every error this package raises on purpose."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import dataclass
+from math import isinf
 from pathlib import Path
 from sys import float_info
 from typing import Any
@@ -16,12 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj import problems
-from ocp_traj.errors import FileFormatError, InputError
+from ocp_traj.dynamics import ROUND_OFF
+from ocp_traj.errors import FileFormatError, InputError, cut, quoted
 from ocp_traj.files import read_text
-from ocp_traj.limits import QUANTITIES, Limits
-from ocp_traj.requirements import ORDERS, PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.limits import QUANTITIES, UNLIMITED, Limits
+from ocp_traj.requirements import (
+    ORDERS,
+    ParameterBound,
+    PathConstraint,
+    PointConstraint,
+    Requirements,
+    State,
+)
 from ocp_traj.robot import EFFORT_UNITS, Robot
-from ocp_traj.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Names = tuple[str, ...]
@@ -32,6 +40,7 @@ PER_TIME = ("", "/s", "/s2", "/s3", "/s4")  # of ORDERS
 AXES = ("x", "y", "z")
 UNITS = set(EFFORT_UNITS)
 GRAVITY = [0.0, 0.0, -9.81]  # [m/s^2], where the file gives none
+ROUNDED = 1e-9  # of the least effort: our choice, far below what masses are known to
 REST_TOLERANCE = 1e-9  # [of the derivative's unit], where the file gives none; rounding is about 1e-13
 
 
@@ -49,7 +58,7 @@ class _Table:
     def only(self, *keys: str) -> None:
         for key in self.values:
             if key not in keys:
-                raise self.error(key, f"is not allowed here; allowed are {', '.join(keys)} ({SI})")
+                raise self.error(cut(key), f"is not allowed here; allowed are {', '.join(keys)} ({SI})")
 
     def table(self, name: str, *keys: str) -> _Table:
         """The table called ``name``, empty if there is none; it may hold ``keys`` only."""
@@ -65,17 +74,23 @@ class _Table:
             raise self.error(key, f"is missing; give {wanted}")
         value = self.values.get(key, default)
         if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool) or not sound(value):
-            raise self.error(key, f"is {value!r}; give {wanted}")
+            raise self.error(key, f"is {quoted(value)}; give {wanted}")
         return value
 
     def numbers(self, key: str, size: int, what: str, default: list[float] | None = None) -> Array:
-        wanted = f"{size} numbers, {what} ({SI})"
+        wanted = f"{size} numbers below {UNLIMITED:g}, inf for no limit, {what} ({SI})"
         return np.array(self.get(key, list, wanted, lambda v: _are_numbers(v) and len(v) == size, default), dtype=float)
 
 
 def _are_numbers(values: list[Any]) -> bool:
-    """Whether a TOML list holds numbers only; infinite ones are, NaN and whole ones beyond any float are not."""
-    return all(type(x) in (int, float) and (abs(x) <= float_info.max or abs(x) == float("inf")) for x in values)
+    """Whether a TOML list holds numbers only: infinite ones mean no limit, NaN and such as are too large do not."""
+    return all(type(x) in (int, float) and (abs(x) < UNLIMITED or abs(x) == float("inf")) for x in values)
+
+
+def _float(text: str) -> float:
+    """A TOML float; one that no float can hold is not taken for infinity, which means that there is no limit."""
+    value = float(text)
+    return float("nan") if isinf(value) and "inf" not in text else value
 
 
 def _are_names(values: list[Any]) -> bool:
@@ -85,13 +100,13 @@ def _are_names(values: list[Any]) -> bool:
 def read_requirements(path: str | Path) -> Requirements:
     """Reads a limits file; a fault raises ``FileFormatError``: one line with file, key and what is allowed."""
     try:
-        file = _Table(Path(path), "", tomllib.loads(read_text(path, "limits")))
+        file = _Table(Path(path), "", tomllib.loads(read_text(path, "limits"), parse_float=_float))
     except tomllib.TOMLDecodeError as error:
-        raise FileFormatError(f"{path} is not a limits file: not TOML ({error})") from error
+        raise FileFormatError(f"{path} is not a limits file: not TOML ({cut(str(error), 200)})") from error
     except RecursionError as error:
         raise FileFormatError(f"{path} is not a limits file: nested too deep") from error
     if (kind := file.values.get("format")) != FORMAT:
-        raise FileFormatError(f"{path} is not a limits file: its format is {kind!r}; allowed is {FORMAT!r}")
+        raise FileFormatError(f"{path} is not a limits file: its format is {quoted(kind)}; allowed is {FORMAT!r}")
     file.only("format", "joints", "units", "continuity", *QUANTITIES, "robot", "payload", "rest", "tool")
     wanted = 'a list of different names, such as ["A1", "A2"]'
     joints = tuple(file.get("joints", list, wanted, _are_names))
@@ -113,6 +128,7 @@ def read_requirements(path: str | Path) -> Requirements:
             raise file.error(
                 "[effort]", f"means nothing for a robot without mass beyond {massless}; give it its inertias"
             )
+        _require_exact(file, robot, payload or 0.0, efforts)
         labels = tuple(("tau_" if unit == "rad" else "F_") + joint for unit, joint in zip(units, joints, strict=True))
 
         def effort(s: State) -> Any:
@@ -131,16 +147,29 @@ def read_requirements(path: str | Path) -> Requirements:
     least = max([0, *(2 if limit.id == "force" else limit.order or 0 for limit in constraints)]) - 1
     wanted = "a whole number from 0 to 4"
     continuity = file.get("continuity", int, wanted, lambda n: 0 <= n < len(ORDERS), max(least, 0))
-    parameters = ("payload",) if payload is None else ()
-    return Requirements(joints, units, tuple(constraints), points, parameters, continuity)
+    brought = (ParameterBound("payload", 0.0, float("inf"), "kg"),) if payload is None else ()
+    return Requirements(
+        joints, units, tuple(constraints), points, tuple(bound.parameter for bound in brought), continuity,
+        parameter_bounds=brought,
+    )  # fmt: skip
 
 
-def check_joints(trajectory: Trajectory, requirements: Requirements) -> None:
-    """Raises ``InputError`` unless a trajectory has the joints of its limits, in their order."""
-    ours, theirs = list(trajectory.joints), list(requirements.joints)
-    if ours != theirs:
-        raise InputError(
-            f"the trajectory's joints are {ours}, those of the limits {theirs}; give the same, in the same order"
+def _require_exact(file: _Table, robot: Robot, payload: float, efforts: tuple[Array, Array]) -> None:
+    """Refuses masses for which rounding of the dynamics' constants is more than ``ROUNDED`` of the least effort.
+
+    ``ocp_traj.dynamics`` drops what is below ``ROUND_OFF`` of a link's largest moment of mass.
+    """
+    model = robot.model
+    mass = payload + sum(inertia.mass for inertia in model.inertias)
+    lengths = [*(place.translation for place in model.jointPlacements), robot.tool.translation]
+    reach = 1.0 + float(np.linalg.norm(lengths, axis=1).sum())
+    rounding = ROUND_OFF * mass * (1.0 + float(np.linalg.norm(model.gravity.linear))) * reach
+    least = float(np.abs(efforts)[np.isfinite(efforts) & (np.array(efforts) != 0.0)].min(initial=np.inf))
+    if not rounding <= ROUNDED * least:
+        raise file.error(
+            "[effort]",
+            f"cannot be proved for masses of {mass:.6g} kg in all: rounding of the dynamics, {rounding:.3g}, is more "
+            f"than {ROUNDED:g} of the least effort, {least:.6g}; check the masses",
         )
 
 

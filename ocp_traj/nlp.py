@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
@@ -113,13 +114,18 @@ class NLP:
 
 
 class Status(Enum):
-    """How a solve ended."""
+    """How a solve ended.
+
+    ``INFEASIBLE`` is certain: no trajectory meets the limits. ``LOCALLY_INFEASIBLE`` is what a local solver can say:
+    from where it began it came to a point that breaks limits, and to nothing better nearby.
+    """
 
     SOLVED = "solved"
     ACCEPTABLE = "solved to the acceptable tolerance"
     FEASIBLE = "stopped at a feasible point"
     UNPROVED = "not proved"
     INFEASIBLE = "infeasible"
+    LOCALLY_INFEASIBLE = "locally infeasible"
     ITERATION_LIMIT = "iteration limit"
     TIME_LIMIT = "time limit"
     INTERRUPTED = "interrupted"
@@ -134,7 +140,7 @@ class Status(Enum):
 
 @dataclass(frozen=True)
 class Conflict:
-    """One limit of those that cannot hold together.
+    """One limit of those that did not hold together.
 
     Attributes:
         row: the limit's row.
@@ -191,10 +197,17 @@ class Certificate:
     def explain(self) -> str:
         """One line."""
         word = "certified" if self.certified else "not certified"
+        lower, upper = _rounded(self.lower, 10, ROUND_FLOOR), _rounded(self.upper, 10, ROUND_CEILING)
+        gap = _rounded(self.gap, 2, ROUND_CEILING)
         return (
-            f"{word}: no solution is below {self.lower:.10g}, this one is {self.upper:.10g}, a relative gap of "
-            f"{self.gap:.1e} ({self.argument}; {self.boxes} boxes, {self.seconds:.2f} s)"
+            f"{word}: no solution is below {lower:.10g}, this one is {upper:.10g}, a relative gap of "
+            f"{gap:.1e} ({self.argument}; {self.boxes} boxes, {self.seconds:.2f} s)"
         )
+
+
+def _rounded(value: float, digits: int, direction: str) -> float:
+    """A number of so many digits on one side of a value, so that a printed bound is one."""
+    return float(Context(prec=digits, rounding=direction).create_decimal_from_float(value))
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,14 +224,19 @@ class Solution:
         multipliers: of rows.
         bound_multipliers: of the bounds on x ``(n,)``.
         slacks: of rows, scaled distance to the nearer bound, < 0 where exceeded.
-        conflicts: where infeasible: the limits that cannot hold together.
+        conflicts: where infeasible: the limits that cannot hold together; where locally: those that the nearest point
+            breaks, or is stopped by.
         objectives: value of each objective of the problem.
         trajectory, audit: where a problem solver made and checked one.
         instants: where constraint exchange ended up imposing the limits.
         rounds, row_count: of constraint exchange.
         alternatives: of a problem with discrete choices: the solution of each, by its name; this is the best of them.
         optima: the distinct local optima, best first, where they were asked for.
-        detail: the solver's own words.
+        detail: the solver's own words; of a solution that is not proved, why.
+        starts: how many this is the best of; 0 where none was needed.
+        instead_of: what the solver ended with, where this is an earlier point that is proved and better.
+        moved: of a population, whether it found anything better than its first generation.
+        interrupted: what Ctrl-C left undone, such as "after 3 of 40 starts"; empty where nothing was.
         certificate: of global optimality, where one was asked for.
         history: of a population, a row a generation.
     """
@@ -243,6 +261,10 @@ class Solution:
     alternatives: Mapping[str, Solution] = field(default_factory=dict)
     optima: tuple[Optimum, ...] = ()
     detail: str = ""
+    starts: int = 1
+    instead_of: Solution | None = None
+    moved: bool = True
+    interrupted: str = ""
     certificate: Certificate | None = None
     history: pd.DataFrame | None = None
 
@@ -257,12 +279,21 @@ class Solution:
             return self
         raise NoSolutionFound(self.explain())
 
+    @property
+    def own(self) -> Solution:
+        """What the solver itself ended with."""
+        return self.instead_of or self
+
     def explain(self) -> str:
         """One line: how it ended and, where infeasible, the limits in conflict, worst first."""
+        worst = "; ".join(str(conflict) for conflict in self.conflicts[:6])
         if self.status is Status.UNPROVED and self.audit is not None:
-            return f"{self.name}: {self.audit.explain()}"
-        if self.status is Status.INFEASIBLE and self.conflicts:
-            worst = "; ".join(str(conflict) for conflict in self.conflicts[:6])
+            return f"{self.name}: {self.audit.explain()} ({self.detail})"
+        if self.status is Status.INFEASIBLE and worst:
             return f"{self.name}: no trajectory meets these limits together: {worst}"
+        if self.status is Status.LOCALLY_INFEASIBLE:
+            tried = "the one start found no" if self.starts == 1 else f"none of {self.starts} starts found a"
+            missed = worst or f"its limits by {self.violation:.3g} of their scale"
+            return f"{self.name}: {tried} trajectory; the nearest misses {missed}"
         effort = f"after {self.iterations} iterations, violation {self.violation:.3g}"
         return f"{self.name}: {self.status.value} {effort} ({self.detail})"

@@ -43,7 +43,8 @@ def distinct(problem: Problem, solutions: Sequence[Solution], solves: int = 1) -
     """
     found: list[Optimum] = []
     ended: list[set[int]] = []  # which starts
-    usable = [(i // solves, s) for i, s in enumerate(solutions) if s.status is Status.SOLVED and s.trajectory]
+    all_own = [(i // solves, s.own) for i, s in enumerate(solutions)]
+    usable = [(start, s) for start, s in all_own if s.status is Status.SOLVED and s.trajectory]
     proved_first = sorted(usable, key=lambda entry: (entry[1].audit is None or not entry[1].audit.proved, entry[1].f))
     for start, solution in proved_first:
         assert solution.trajectory is not None

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from ocp_traj.errors import InputError
+from ocp_traj.errors import InputError, quoted
 from ocp_traj.evaluate import limit_along
 from ocp_traj.files import write_with
 from ocp_traj.front import Front
@@ -212,7 +212,8 @@ def check_picture(path: str | Path) -> str:
     kind = Path(path).suffix.lower()
     if kind not in SUFFIXES:
         raise InputError(
-            f"a picture is written as {', '.join(SUFFIXES)}; {Path(path).name!r} ends otherwise: change its suffix"
+            f"a picture is written as {', '.join(SUFFIXES)}; {quoted(Path(path).name)} ends otherwise: change its "
+            "suffix"
         )
     return kind
 

@@ -1,4 +1,4 @@
-"""A trajectory: a numeric curve with the problem, case and variables it came from: samples, dilates, saves, loads."""
+"""A trajectory: a motion with the problem, case and variables it came from: dilates, saves, loads."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.errors import FileFormatError, InputError, ProblemDefinitionError
+from ocp_traj.errors import FileFormatError, InputError, cut, quoted
 from ocp_traj.files import read_json, write_text
+from ocp_traj.motion import Motion
 
 if TYPE_CHECKING:
+    from ocp_traj.problem import Problem
     from ocp_traj.verdicts import Audit
 
 Array = NDArray[np.float64]
@@ -26,51 +27,23 @@ Array = NDArray[np.float64]
 FORMAT = "ocp-traj/trajectory/1"
 SAMPLES_FORMAT = "ocp-traj/samples/1"
 SPLINE_FORMAT = "ocp-traj/spline/1"
-COLUMNS = ("q", "v", "a", "jerk", "snap")
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
-    """A timed motion of named joints.
+class Trajectory(Motion):
+    """A motion with the problem, case and variables it came from.
 
     Attributes:
-        curve: numeric, joint coordinates in SI over seconds.
-        joints: one name a joint.
         problem: id of the problem it solves, empty for one from elsewhere.
         case: the problem's case fields that differ from its defaults.
         variables: decision variables by block.
-        parameters: global parameters by label, such as the payload.
+        origin: the problem itself, where it is at hand; a file has its id and case only.
     """
 
-    curve: PiecewiseBezier
-    joints: tuple[str, ...]
     problem: str = ""
     case: Mapping[str, Any] = field(default_factory=dict)
     variables: Mapping[str, Array] = field(default_factory=dict)
-    parameters: Mapping[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Checks that joints and curve fit."""
-        if len(self.joints) != self.curve.dof:
-            raise ProblemDefinitionError(f"a trajectory of {self.curve.dof} joints was given {len(self.joints)} names")
-
-    @property
-    def duration(self) -> float:
-        """Total time [s]."""
-        return float(self.curve.duration)
-
-    def sample(self, count: int = 200, times: ArrayLike | None = None) -> pd.DataFrame:
-        """Joint coordinates and derivatives at ``count`` even times, or at ``times`` [s].
-
-        Returns:
-            One row an instant, indexed by ``time [s]``; columns (quantity, joint) with quantities q, v, a, jerk, snap.
-        """
-        t = np.linspace(0.0, self.duration, count) if times is None else np.atleast_1d(np.asarray(times, dtype=float))
-        blocks = {
-            name: pd.DataFrame(self.curve(t, order), index=t, columns=list(self.joints))
-            for order, name in enumerate(COLUMNS)
-        }
-        return pd.concat(blocks, axis=1).rename_axis("time [s]")
+    origin: Problem | None = field(default=None, repr=False)
 
     def dilate(self, factor: float) -> Trajectory:
         """The same path ``factor`` times slower; it forgets the variables, which no longer describe it."""
@@ -79,15 +52,16 @@ class Trajectory:
         return replace(self, curve=self.curve.dilate(factor), variables={})
 
     def audit(self, **options: Any) -> Audit:
-        """Checks every limit of its problem at every instant; see ``ocp_traj.audit.audit``."""
-        from ocp_traj.audit import audit
+        """Checks every limit of its problem at every instant; see ``ocp_traj.provenance.audit_trajectories``."""
         from ocp_traj.problems import load
+        from ocp_traj.provenance import audit_trajectories
 
-        if not self.problem:
+        if self.origin is None and not self.problem:
             raise InputError(
                 "this trajectory names no problem; give its limits: ocp_traj.audit.audit(trajectory, requirements)"
             )
-        return audit(self, load(self.problem, **self.case).requirements, **options)
+        problem = load(self.problem, **self.case) if self.origin is None else self.origin
+        return audit_trajectories(problem, [self], **options)[0]
 
     def to_dict(self) -> dict[str, Any]:
         """As plain JSON values."""
@@ -124,26 +98,28 @@ class Trajectory:
         kind = data.get("format") if isinstance(data, dict) else None
         readers = {FORMAT: _read_control_points, SAMPLES_FORMAT: _read_samples, SPLINE_FORMAT: _read_spline}
         if not isinstance(kind, str) or kind not in readers:
-            raise FileFormatError(f"{source} is not a trajectory: its format is {kind!r}; allowed {', '.join(readers)}")
+            raise FileFormatError(
+                f"{source} is not a trajectory: its format is {quoted(kind)}; allowed {', '.join(readers)}"
+            )
         try:
             curve = readers[kind](data)
             return cls(
                 curve,
                 _names(data["joints"]),
+                {k: float(_finite(v, f"the parameter {cut(k)}", 0)) for k, v in data.get("parameters", {}).items()},
                 str(data.get("problem", "")),
                 dict(data.get("case", {})),
                 {k: np.atleast_1d(np.asarray(v, dtype=float)) for k, v in data.get("variables", {}).items()},
-                {k: float(_finite(v, f"the parameter {k}", 0)) for k, v in data.get("parameters", {}).items()},
             )
         except KeyError as error:
             raise FileFormatError(f"{source}: the field {error} of format {kind} is missing") from error
         except (TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
-            raise FileFormatError(f"{source} is not a sound {kind} file: {error}") from error
+            raise FileFormatError(f"{source} is not a sound {kind} file: {cut(str(error), 200)}") from error
 
 
 def _names(joints: Any) -> tuple[str, ...]:
     if not isinstance(joints, list | tuple) or len({str(name) for name in joints}) < len(joints):
-        raise ValueError(f"joints are {joints!r}; give a list of different names")
+        raise ValueError(f"joints are {quoted(joints)}; give a list of different names")
     return tuple(str(name) for name in joints)
 
 
@@ -167,7 +143,7 @@ def _read_samples(data: dict[str, Any]) -> PiecewiseBezier:
     times, positions = _finite(data["times"], "times", 1), _finite(data["positions"], "positions", 2)
     rest = data.get("rest", False)
     if not isinstance(rest, bool):
-        raise ValueError(f"rest is {rest!r}; give true or false")
+        raise ValueError(f"rest is {quoted(rest)}; give true or false")
     return PiecewiseBezier.from_ppoly(CubicSpline(times, positions, bc_type="clamped" if rest else "not-a-knot"))
 
 

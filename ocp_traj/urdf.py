@@ -4,7 +4,8 @@ import math
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-from ocp_traj.errors import RobotDefinitionError
+from ocp_traj.errors import FileFormatError, RobotDefinitionError, quoted
+from ocp_traj.files import LONGEST_PATH, read_text
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
@@ -13,13 +14,10 @@ def urdf_text(source: str | Path) -> tuple[str, str]:
     """The XML and what to call it in messages."""
     if isinstance(source, str) and source.lstrip().startswith("<"):
         return source, "the URDF string"
-    path = Path(source)
-    if not path.is_file():
-        raise RobotDefinitionError(f"URDF file {str(path)!r} does not exist; give a path, or the XML itself")
     try:
-        return path.read_text(encoding="utf-8"), repr(str(path))
-    except UnicodeDecodeError as error:
-        raise RobotDefinitionError(f"{str(path)!r} is not a URDF: it is not text ({error})") from error
+        return read_text(source, "URDF"), quoted(str(source), LONGEST_PATH)
+    except FileFormatError as error:
+        raise RobotDefinitionError(f"{error}; give a path, or the XML itself") from error
 
 
 def urdf_root(text: str, origin: str) -> ElementTree.Element:

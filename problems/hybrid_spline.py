@@ -5,11 +5,12 @@ Curve               cubic splines through 11 via points, at rest at both ends, t
 Objectives          time z1, energy z2, jerk z3, acceleration z4, their weighted sum Fc  (112)-(116), (153), (154)
 Subject to          position (118), velocity (119), acceleration (120), jerk (121), force (122) for all t; Table 2
 Deviations
-  The payload is a point mass at the tool frame, so its weight is a force of gravity. The paper's own numbers follow
-  from a constant force along the tool's axis: ``convention="paper-literal"``, which also sums |U||v| before squaring.
+  The payload is a point mass at the tool frame, so its weight is a force of gravity. The paper's own numbers are met
+  closest by a constant force along the tool's axis, of which it says nothing: ``convention="paper-literal"``, which
+  also sums |U||v| before squaring.
   Jerk limits of joints 1-3 are 100 m/s^3 (Table 2 prints 100 000 m/s^3, meant are mm). Z0 points down.
   Row 6 of Table 6 must read X_S3 = 226.38; rows 2 and 12 follow from h and are no data. (60) and (67) mix frames, (30)
-  lacks a division of A1 by L3. The yaw range below (7) is a limit as well. Bounds on h: (152) where an interval has a
+  lacks a division of A1 by L3. The yaw range below (4) is a limit as well. Bounds on h: (152) where an interval has a
   given displacement, else ``min_interval`` (our choice), and ``max_interval`` (our choice).
 """
 
@@ -23,11 +24,13 @@ import casadi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ocp_traj.case import check, choice, number, numbers
 from ocp_traj.chain import AxisJoint, DHRow, LinkInertia
 from ocp_traj.curves import cubic_spline_free_ends
 from ocp_traj.errors import InputError
 from ocp_traj.limits import Limits
-from ocp_traj.problem import MIDPOINT, TRAPEZOID, Objective, Problem, Variable
+from ocp_traj.objective import MIDPOINT, TRAPEZOID, Objective
+from ocp_traj.problem import Problem, Variable
 from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
 from ocp_traj.robot import ActuatorMap, Robot
 
@@ -44,47 +47,28 @@ GRAVITY = 9.80665  # [m/s^2], below (42)
 class Guo2016:
     """The paper's numbers; a field is what a user may change."""
 
-    payload: float = 10.0  # m_p [kg], sect. 6
-    convention: str = "physical"  # of CONVENTIONS
-    weights: tuple[float, float, float, float] = (
-        0.3,
-        0.3,
-        0.2,
-        0.2,
+    payload: float = number(10.0, "kg", "a finite mass", least=0.0)  # m_p, sect. 6
+    convention: str = choice("physical", CONVENTIONS)
+    weights: tuple[float, float, float, float] = numbers(
+        (0.3, 0.3, 0.2, 0.2), least=0.0, some=True
     )  # w of time, energy, jerk, acceleration; sect. 3.1
-    via_points: str = (
-        "rederived"  # of VIA_POINTS: inverse kinematics of (156), or Table 6's digits with row 6 corrected
-    )
-    min_interval: float = 0.02  # [s], of the four intervals without a displacement: our choice
-    max_interval: float = 4.0  # [s], of every interval: our choice
+    via_points: str = choice("rederived", VIA_POINTS)  # inverse kinematics of (156), or Table 6 with row 6 corrected
+    min_interval: float = number(0.02, "s", above=0.0)  # of the four intervals without a displacement: our choice
+    max_interval: float = number(4.0, "s", above=0.0)  # of every interval: our choice
     free_payload: bool = False  # whether the payload is a decision variable; sect. 5
-    max_payload: float = 100.0  # [kg], bound on the freed payload: our choice, beyond what the limits allow
+    max_payload: float = number(100.0, "kg", "a finite mass", above=0.0)  # if freed: our choice
 
     def __post_init__(self) -> None:
         """Checks the fields."""
-        if not (np.isfinite(self.payload) and self.payload >= 0.0):
-            raise InputError(f"payload is {self.payload} kg; give a finite mass, zero or more")
-        if self.convention not in CONVENTIONS:
-            raise InputError(f"convention is {self.convention!r}; allowed are {', '.join(CONVENTIONS)}")
-        if self.via_points not in VIA_POINTS:
-            raise InputError(f"via_points is {self.via_points!r}; allowed are {', '.join(VIA_POINTS)}")
-        if (
-            len(self.weights) != 4
-            or not all(np.isfinite(w) and w >= 0.0 for w in self.weights)
-            or not any(self.weights)
-        ):
-            raise InputError(
-                f"weights are {self.weights}; give four numbers, zero or more and not all zero: "
-                "time, energy, jerk, acceleration"
-            )
-        if not 0.0 < self.min_interval < self.max_interval < np.inf:
+        check(self)
+        if not self.min_interval < self.max_interval:
             raise InputError(
                 f"min_interval {self.min_interval} s and max_interval {self.max_interval} s leave no interval; "
-                "give 0 < min_interval < max_interval"
+                "give min_interval < max_interval"
             )
-        if not (np.isfinite(self.max_payload) and self.max_payload > 0.0):
-            raise InputError(f"max_payload is {self.max_payload} kg; give a finite mass above zero")
 
+
+Case = Guo2016
 
 # Table 1 [m]. L_p: (8), with L_t = 225 mm.
 L1, L2, L3, L4, L5, L01, E = 0.420, 0.050, 0.450, 0.180, 0.180, 0.400, 0.0
@@ -184,7 +168,7 @@ def inverse_kinematics(position: ArrayLike, axis: ArrayLike) -> Array:
     y, x = a[:, 1] * (az - 1.0) + a[:, 0] * nz, a[:, 0] * (az - 1.0) - a[:, 1] * nz
     sine = (p[:, 1] - LP * a[:, 1] + (E * y / ((az - 1.0) ** 2 + nz**2) if E else 0.0)) / L3
     if (np.abs(sine) > sqrt(0.5)).any():
-        raise InputError("inverse kinematics: a position is out of reach, its yaw lies beyond +-45 deg (below (7))")
+        raise InputError("inverse kinematics: a position is out of reach, its yaw lies beyond +-45 deg (below (4))")
     alpha = np.arcsin(sine)
     phi5 = np.arctan2(-sqrt(2.0) * nz, 2.0 * az - 1.0)
     phi4 = np.arctan2(y, x) - alpha
@@ -282,7 +266,7 @@ def build(case: Guo2016 | None = None) -> Problem:
     forces = ("F1", "F2", "F3", "tau4", "tau5")
     limits.append(PathConstraint("force", force, weakest, strongest, machine.effort_units, forces, "(122)"))
     yaw = np.array([L1])
-    limits.append(PathConstraint("yaw", lambda s: s.q[1] - s.q[0], -yaw, yaw, ("m",), ("X_S2 - X_S1",), "(7)"))
+    limits.append(PathConstraint("yaw", lambda s: s.q[1] - s.q[0], -yaw, yaw, ("m",), ("X_S2 - X_S1",), "below (4)"))
     rest = PointConstraint(
         "rest", lambda s: casadi.vertcat(s.v, s.a), ((0, 0.0), (-1, 1.0)), np.zeros(10), np.zeros(10),
         tuple(f"{u}/s" for u in UNITS) + tuple(f"{u}/s2" for u in UNITS),
@@ -316,7 +300,6 @@ TABLE_9 = {  # Fc, z1 .. z4
     "fmincon, mean of 100": {"cost": 3.220, "time": 7.146, "energy": 3250.239, "jerk": 2.510, "acceleration": 0.252},
 }
 SECONDS = {"NSGA-II, best": 74.55, "fmincon, mean of 100": 1032.78}  # sect. 6; the second for all 100 starts
-NSGA_II_EVALUATIONS = 100 * 200  # individuals times generations, sect. 6
 LARGEST_PAYLOAD = "12.65"  # [kg] sect. 6
 PAYLOAD_RANGE = ("0", "10")  # m_pl, m_pu of (123) [kg], Table 1
 TRACKING_ERROR = {"standard deviation": "0.0840", "variance": "0.0071", "maximum": "0.2933"}  # [mm, mm2, mm], Fig. 15

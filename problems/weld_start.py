@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import radians
+from math import cos, radians
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from ocp_traj.curves import nonic
 from ocp_traj.errors import InputError
+from ocp_traj.pieces import Pieces, pieces
 from ocp_traj.problems import kr90
 from ocp_traj.robot import Robot
-from ocp_traj.seam import Pieces, Seam, pieces
+from ocp_traj.seam import Seam
 from ocp_traj.tracking import Fit, fit_path, perpendicular, pose_function
 
 if TYPE_CHECKING:
@@ -54,6 +55,11 @@ def find_start(machine: Robot, path: Seam, case: Ogbemhe2019) -> Start:
                 f"between {case.tags} tags the seam is written to {1e3 * cut.position_error:.2g} mm only, and {name} "
                 f"is {1e3 * error:g} mm; give more tags, or a wider {name}"
             )
+    if not cut.axis_error < 1.0 - cos(radians(case.max_tilt)):
+        raise InputError(
+            f"between {case.tags} tags the torch's direction is written to {cut.axis_error:.2g} of a unit vector only, "
+            f"more than max_tilt {case.max_tilt:g} deg leaves; give more tags, or a wider max_tilt"
+        )
     home = np.radians(case.home)
     weld = path.length / case.weld_speed / (case.tags - 1)
     reached, failed = [], []

@@ -9,7 +9,7 @@ Gembicki and Haimes (1975), IEEE Trans. Autom. Control 20(6).
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.records import Found, ignore, of_solve
 from ocp_traj.scalarise import GoalAttainment
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.repair import slow_down
+from ocp_traj.stopping import STOPS, current, stopping
 from ocp_traj.symbolic import evaluate_objectives
 
 Array = NDArray[np.float64]
@@ -37,7 +39,8 @@ class Refined:
         solves, iterations: of the NLPs.
         better: points that were refined.
         failed: points whose NLP gave nothing proved.
-        interrupted: whether Ctrl-C ended it; the points not reached are as they were.
+        reached: points that were tried; the others, if Ctrl-C or a lack of time ended it, are as they were.
+        interrupted: whether Ctrl-C ended it.
         seconds: spent.
     """
 
@@ -46,6 +49,7 @@ class Refined:
     iterations: int = 0
     better: int = 0
     failed: int = 0
+    reached: int = 0
     interrupted: bool = False
     seconds: float = 0.0
 
@@ -81,9 +85,8 @@ def refine(
     xs: Sequence[Array],
     solver: Exchange,
     among: Sequence[Array] = (),
-    deadline: float = np.inf,
     progress: Progress = silent,
-    clock: Callable[[], float] = time.perf_counter,
+    tell: Found = ignore,
 ) -> Refined:
     """Refines points, each from itself; those not proved to begin with are slowed down first where that proves them.
 
@@ -95,22 +98,23 @@ def refine(
         xs: decision vectors ``(n,)``.
         solver: of each NLP; it begins with the instants at which its neighbour's ended.
         among: other points of the front, which stay as they are; with these the nadir is that of the whole front.
-        deadline: on the clock; points not reached by then stay as they are.
         progress: told after each point.
-        clock: in seconds.
+        tell: given a record of each solve.
     """
-    begun, found = clock(), Refined([np.asarray(x, dtype=float) for x in xs])
-    try:
-        _refine(problem, tuple(objectives), found, solver, list(among), deadline, progress, clock)
-    except KeyboardInterrupt:
-        found.interrupted = True
-    found.seconds = clock() - begun
+    begun, found = time.perf_counter(), Refined([np.asarray(x, dtype=float) for x in xs])
+    with stopping() as stop:
+        try:
+            _refine(problem, tuple(objectives), found, solver, list(among), progress, tell)
+        except STOPS as reason:
+            stop.take(reason)
+            found.interrupted = stop.tell()
+    found.seconds = time.perf_counter() - begun
     return found
 
 
 def _refine(
     problem: Problem, objectives: tuple[str, ...], found: Refined, solver: Exchange, among: list[Array],
-    deadline: float, progress: Progress, clock: Callable[[], float],
+    progress: Progress, tell: Found,
 ) -> None:  # fmt: skip
     """Refines the points of ``found`` in place, neighbour after neighbour."""
     if not found.xs:
@@ -123,13 +127,12 @@ def _refine(
     w, f = weights(f, scales), f[: len(points)]
     neighbour: Solution | None = None
     for done, i in enumerate(np.lexsort(f.T[::-1]).tolist()):  # along the front
-        if clock() >= deadline:
-            return
+        current().check()
         goal = GoalAttainment(
             dict(zip(objectives, (f[i] * signs).tolist(), strict=True)),
             dict(zip(objectives, w[i].tolist(), strict=True)),
         )
-        solution = _solved(problem, goal, points[i], solver, neighbour, found)
+        solution = _solved(problem, goal, points[i], solver, neighbour, found, tell)
         if solution is None:
             found.failed += 1
         else:
@@ -138,16 +141,19 @@ def _refine(
             if not audits[i].proved or ((reached <= f[i]).all() and (reached < f[i]).any()):
                 found.xs[i] = solution.x
                 found.better += 1
-        progress(done + 1, len(points), f"{found.better} refined")
+        found.reached = done + 1
+        progress(found.reached, len(points), f"{found.better} refined")
 
 
 def _solved(
-    problem: Problem, goal: GoalAttainment, x: Array, solver: Exchange, neighbour: Solution | None, found: Refined
-) -> Solution | None:
+    problem: Problem, goal: GoalAttainment, x: Array, solver: Exchange, neighbour: Solution | None, found: Refined,
+    tell: Found,
+) -> Solution | None:  # fmt: skip
     """A proved solution, or None: with the neighbour's instants, and once more with the solver's own grid."""
     tries = [solver] if neighbour is None else [replace(solver, first=neighbour.instants), solver]
     for attempt in tries:
-        solution = attempt.solve(problem, goal, x)
+        solution = attempt.solve(problem, goal, x).own  # the point itself stays in any case
+        tell(of_solve(goal, solution))
         found.solves += 1
         found.iterations += solution.iterations
         if solution.ok and solution.audit is not None and solution.audit.proved:

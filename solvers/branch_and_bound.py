@@ -34,6 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 from ocp_traj.evaluate import limit_on
 from ocp_traj.nlp import Certificate, Solution
@@ -42,6 +43,7 @@ from ocp_traj.progress import Progress, silent
 from ocp_traj.requirements import ORDERS, PathConstraint
 from ocp_traj.scalarise import Scalarisation
 from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.stopping import STOPS, Stopping, stopping
 from ocp_traj.symbolic import variables_function
 from ocp_traj.tape import Tape
 from ocp_traj.trajectory import Trajectory
@@ -81,6 +83,7 @@ class BranchAndBound:
         if not 0.0 < self.tolerance < 1.0:
             raise InputError(f"the gap that counts as certified is {self.tolerance}; give a number between 0 and 1")
 
+    @one_blas_thread
     def solve(self, problem: Problem, scalarisation: Scalarisation, x0: Array) -> Solution:
         """The shortest time, certified; ``x0`` starts the first local solve."""
         require_certifiable(problem, scalarisation)
@@ -88,18 +91,29 @@ class BranchAndBound:
         proved = found.audit is not None and found.audit.proved
         return self.improve(problem, scalarisation, found) if proved else found
 
+    @one_blas_thread
     def improve(self, problem: Problem, scalarisation: Scalarisation, solution: Solution) -> Solution:
-        """The solution with its certificate, or a better one that the search led to, with its own."""
-        for _ in range(RESTARTS):
-            certificate, better = self.certify(problem, scalarisation, solution, until_better=True)
-            if better is None:
-                return replace(solution, certificate=certificate)
-            again = self.solver.solve(problem, scalarisation, better)
-            if again.audit is None or not again.audit.proved or again.f >= solution.f:
-                break  # the better point led nowhere: the search has to go on beside it
-            solution = again
-        return replace(solution, certificate=self.certify(problem, scalarisation, solution)[0])
+        """The solution with its certificate, or a better one that the search led to, with its own.
 
+        Ctrl-C ends it early: with the solution so far and, where the search had begun, with what it had proved.
+        """
+        certificate: Certificate | None = None
+        with stopping() as stop:
+            try:
+                for _ in range(RESTARTS):
+                    certificate, better = self.certify(problem, scalarisation, solution, until_better=True)
+                    if better is None:
+                        return _certified(solution, certificate, stop)
+                    again = self.solver.solve(problem, scalarisation, better)
+                    if again.audit is None or not again.audit.proved or again.f >= solution.f:
+                        break  # the better point led nowhere: the search has to go on beside it
+                    solution, certificate = again, None
+                certificate, _ = self.certify(problem, scalarisation, solution)
+            except STOPS as reason:
+                stop.take(reason)
+            return _certified(solution, certificate, stop)
+
+    @one_blas_thread
     def certify(
         self, problem: Problem, scalarisation: Scalarisation, solution: Solution, until_better: bool = False
     ) -> tuple[Certificate, Array | None]:
@@ -122,12 +136,13 @@ class BranchAndBound:
         begun = time.perf_counter()
         upper = float(np.sum(solution.x)) * (1.0 + problem.size * 2.0**-52)
         search = _Search(problem, solution, upper, upper * (1.0 - 0.9 * self.tolerance))
-        while search.open and search.boxes < self.max_boxes and time.perf_counter() - begun < self.max_seconds:
-            search.step()
-            lower = search.lower
-            self.progress(search.boxes, 0, f"{len(search.low)} boxes open, gap {(upper - lower) / upper:.2e}")
-            if until_better and search.better() is not None:
-                break
+        with stopping(self.max_seconds) as stop:
+            while search.open and search.boxes < self.max_boxes and not stop.due:
+                search.step()
+                lower = search.lower
+                self.progress(search.boxes, 0, f"{len(search.low)} boxes open, gap {(upper - lower) / upper:.2e}")
+                if until_better and search.better() is not None:
+                    break
         lower = min(search.lower, upper)
         certificate = Certificate(
             lower=lower,
@@ -138,6 +153,14 @@ class BranchAndBound:
             argument="interval branch and bound over ratios of durations",
         )
         return certificate, search.better()
+
+
+def _certified(solution: Solution, certificate: Certificate | None, stop: Stopping) -> Solution:
+    """The solution with its certificate, and a word where Ctrl-C came before that was done."""
+    cut_short = stop.tell() and not (certificate is not None and certificate.certified)
+    return replace(
+        solution, certificate=certificate, interrupted="before its certificate was done" if cut_short else ""
+    )
 
 
 def scaling_limits(problem: Problem) -> list[PathConstraint]:
@@ -413,6 +436,7 @@ class _Search:
         if self._lagrangian is None:
             return best
         multipliers, tape = self._lagrangian
+        end = np.full(len(best), self.upper)  # not the threshold: it may be beyond, and bounds are as good as they are
         whole = (np.vstack([box[0], best[None]]), np.vstack([box[1], end[None]]))
         point = np.vstack([centre, np.clip(0.5 * (best + end), best, end)[None]])
         m = np.repeat(multipliers[:, None], len(best), axis=1)
@@ -422,7 +446,8 @@ class _Search:
         spread = _outward(whole[0] - point, whole[1] - point)
         change = _sum([_product((a, b), (c, d)) for a, b, c, d in zip(*slopes, *spread, strict=True)])[0]
         found = np.nextafter(start[0] + change, -np.inf) * DOWN
-        return np.maximum(best, np.where(np.isfinite(found), found, 0.0))
+        # Of times beyond its end the Lagrangian says nothing but that they are beyond it.
+        return np.maximum(best, np.minimum(np.where(np.isfinite(found), found, 0.0), end))
 
     def _remember(self, centre: Array, times: Array) -> None:
         """Keeps the middle with the least time that the limits looked at allow."""

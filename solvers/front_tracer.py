@@ -21,18 +21,20 @@ import numpy as np
 from numpy.typing import NDArray
 from pymoo.util.ref_dirs import get_reference_directions
 
-from ocp_traj.audit import audit
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.nlp import Solution, Status
 from ocp_traj.population import Population
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.provenance import audit_points
+from ocp_traj.records import Found, ignore, of_solve
 from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart, best_of
-from ocp_traj.solvers.pareto_set import ParetoSet
+from ocp_traj.solvers.pareto_set import ENDED_AFTER, ParetoSet
+from ocp_traj.stopping import STOPS, stopping
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.transcription import trajectory
 
 Array = NDArray[np.float64]
 
@@ -54,8 +56,9 @@ class FrontTracer:
         solver: of each point.
         starts: random starts at each end of the front, where nothing is known yet.
         seed: of those starts.
-        max_seconds: stop after the point that passes this.
+        max_seconds: stop after this, in the middle of a point, with those that are there.
         progress: told after each point.
+        found: given a record of each solve.
     """
 
     points: int = 40
@@ -64,26 +67,31 @@ class FrontTracer:
     seed: int = 0
     max_seconds: float = np.inf
     progress: Progress = silent
+    found: Found = ignore
 
     def __post_init__(self) -> None:
         """Checks the number of points."""
         if self.points < 2:
             raise InputError(f"a front needs at least 2 points; got {self.points}")
 
+    @one_blas_thread
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
         """Traces the front of two or more objectives; Ctrl-C ends it early with the points it has."""
         if len(objectives) < 2:
             raise InputError(f"a front trades two or more objectives; got {', '.join(objectives) or 'none'}")
         begun = time.perf_counter()
-        trace = _Trace(self, problem, tuple(objectives), begun + self.max_seconds)
-        interrupted = False
-        try:
-            trace.ends()
-            if len(objectives) == 2 and problem.starts > 1:
-                trace.sharpen()
-            trace.fill() if len(objectives) == 2 else trace.lattice()
-        except KeyboardInterrupt:
-            interrupted = True
+        trace = _Trace(self, problem, tuple(objectives))
+        with stopping(self.max_seconds) as stop:
+            complete = False
+            try:
+                trace.ends()
+                if len(objectives) == 2 and problem.starts > 1:
+                    trace.sharpen()
+                trace.fill() if len(objectives) == 2 else trace.lattice()
+                complete = True
+            except STOPS as reason:
+                stop.take(reason)
+            interrupted = not complete and stop.tell()
         info: dict[str, Any] = {
             "solves": trace.solves,
             "iterations": trace.iterations,
@@ -92,6 +100,10 @@ class FrontTracer:
         }
         if not trace.conflict:
             info["conflict"] = False
+        if not complete:
+            info[ENDED_AFTER] = f"{len(trace.solutions)} of {self.points} points"
+        if trace.ended and not trace.unsolved:
+            info["ideal"] = trace.ideal
         xs = [solution.x for solution in trace.solutions]
         return ParetoSet(xs, "trace", self.seed, time.perf_counter() - begun, info, interrupted)
 
@@ -99,8 +111,8 @@ class FrontTracer:
 class _Trace:
     """One run of the tracer: the solutions so far and their objective values, less is better."""
 
-    def __init__(self, tracer: FrontTracer, problem: Problem, objectives: tuple[str, ...], deadline: float) -> None:
-        self.tracer, self.problem, self.names, self.deadline = tracer, problem, objectives, deadline
+    def __init__(self, tracer: FrontTracer, problem: Problem, objectives: tuple[str, ...]) -> None:
+        self.tracer, self.problem, self.names = tracer, problem, objectives
         self.population = Population(problem, objectives)
         self.signs = np.array([1.0 if problem.objective(name).sense == "min" else -1.0 for name in objectives])
         self.reference = np.array(
@@ -109,7 +121,7 @@ class _Trace:
         self.solutions: list[Solution] = []
         self.values = np.empty((0, len(objectives)))
         self.solves = self.iterations = self.failed = 0
-        self.conflict = True
+        self.conflict, self.ended = True, False  # whether there is anything to trade; whether all ends were tried
         self.unsolved: list[str] = []  # objectives whose end is only the best point known
 
     def ends(self) -> None:
@@ -123,27 +135,35 @@ class _Trace:
             starts = max(self.tracer.starts, self.problem.starts)
             start = Multistart(self.tracer.solver, starts, self.tracer.seed + k)
             solution = start.solve(self.problem, self._end(name))
-            self._count(solution)
+            self._count(self._end(name), solution)
             if solution.ok:
                 self._add(solution)
-            elif solution.status is Status.INFEASIBLE:
-                raise NoSolutionFound(f"{solution.explain()} (the least {name}, the others within the reference point)")
             else:
                 missing.append((name, solution))
         for name, failure in missing:
             if not self.solutions:
-                raise NoSolutionFound(f"{failure.explain()}; no end of the front was found")
+                raise NoSolutionFound(
+                    f"{failure.explain()} (the least {name}, the others within the reference point); "
+                    "no end of the front was found"
+                )
             bounds = {self.names.index(n): self._sign(n) * bound for n, bound in self._end(name).bounds.items()}
             x0, nearest = self._start(list(range(len(self.solutions))), bounds)
             solution = self.tracer.solver.solve(self.problem, self._end(name), x0)
-            self._count(solution)
+            self._count(self._end(name), solution)
             if solution.ok:
                 self._add(solution)
                 continue
             self.unsolved.append(name)
             stand_in = self._evaluated(x0, self.solutions[nearest])
             if stand_in is not None:
+                self.tracer.found(of_solve(self._end(name), stand_in))
                 self._add(stand_in)
+        self.ended = True
+
+    @property
+    def ideal(self) -> dict[str, float]:
+        """Best value of each objective, in its own sense."""
+        return dict(zip(self.names, (self.values.min(axis=0) * self.signs).tolist(), strict=True))
 
     def sharpen(self) -> None:
         """Makes each of two ends the best in the other objective as well, from random starts.
@@ -161,7 +181,7 @@ class _Trace:
             solution = Multistart(self.tracer.solver, starts, self.tracer.seed + len(self.names) + k).solve(
                 self.problem, scalar
             )
-            self._count(solution)
+            self._count(scalar, solution)
             if (
                 solution.ok
                 and self._sign(other) * solution.objectives[other] < self.values[k, 1 - k] - WORTHWHILE * span[1 - k]
@@ -179,8 +199,7 @@ class _Trace:
 
     def _evaluated(self, x: Array, like: Solution) -> Solution | None:
         """A decision vector as a solution, if it is proved and new."""
-        candidate = trajectory(self.problem, x)
-        found = audit(candidate, self.problem.requirements)
+        candidate, found = audit_points(self.problem, [x])[0]
         if not found.proved or np.array_equal(x, like.x):
             return None
         values = evaluate_objectives(self.problem, x)
@@ -196,7 +215,7 @@ class _Trace:
             self.conflict = False
             return
         closed: set[tuple[float, float]] = set()  # gaps in which nothing new was found
-        while len(self.solutions) < self.tracer.points and time.perf_counter() < self.deadline:
+        while len(self.solutions) < self.tracer.points:
             order = np.argsort(self.values[:, 0])
             values = self.values[order]
             gaps = np.abs(np.diff(values, axis=0)) / span
@@ -229,8 +248,7 @@ class _Trace:
         for direction in _directions(m, partitions):
             if len(self.solutions) >= self.tracer.points:
                 return
-            if not self._towards(direction, low, span):
-                return
+            self._towards(direction, low, span)
         for finer in range(partitions + 1, partitions + 1 + REFINEMENTS):
             left = list(_directions(m, finer))
             while left and len(self.solutions) < self.tracer.points:
@@ -238,20 +256,17 @@ class _Trace:
                 known = known / np.maximum(known.sum(axis=1), 1e-12)[:, None]
                 gap = [np.abs(known - direction).max(axis=1).min() for direction in left]
                 direction = left.pop(int(np.argmax(gap)))
-                if max(gap) > 0.5 / finer and not self._towards(direction, low, span):
-                    return
+                if max(gap) > 0.5 / finer:
+                    self._towards(direction, low, span)
 
-    def _towards(self, direction: Array, low: Array, span: Array) -> bool:
-        """One point of a lattice; False when time is over."""
-        if time.perf_counter() >= self.deadline:
-            return False
+    def _towards(self, direction: Array, low: Array, span: Array) -> None:
+        """One point of a lattice."""
         known = self.problem.reference_point
         goals = {n: float(s * v) for n, s, v in zip(self.names, self.signs, low, strict=True)}
         weights = {n: float(max(w, 1e-3) * d) for n, w, d in zip(self.names, direction, span, strict=True)}
         near = np.argsort(np.abs((self.values - low) / span / np.maximum(direction, 1e-3)).max(axis=1))
         bounds = {n: known[n] for n in self.names if n in known}
         self._point(GoalAttainment(goals, weights, bounds), near[:2].tolist(), {}, span)
-        return True
 
     def _point(self, scalar: Scalarisation, neighbours: list[int], bounds: Mapping[int, float], span: Array) -> bool:
         """Solves for one more point; whether one was found that is not there already."""
@@ -259,15 +274,15 @@ class _Trace:
         known = self.solutions[nearest]
         solver = replace(self.tracer.solver, first=known.instants)
         solution = solver.solve(self.problem, scalar, x0)
-        self._count(solution)
+        self._count(scalar, solution)
         others = [self.solutions[i].x for i in neighbours if i != nearest]
         # Once more, from the neighbours themselves and with all rows: of many local optima the other may lead to a
         # better one.
-        for x in [known.x, *others] if not solution.ok else others if self.problem.starts > 1 else []:
+        for x in [known.x, *others] if not solution.own.ok else others if self.problem.starts > 1 else []:
             again = self.tracer.solver.solve(self.problem, scalar, x)
-            self._count(again)
+            self._count(scalar, again)
             solution = best_of([solution, again])
-            if solution.ok and self.problem.starts == 1:
+            if solution.own.ok and self.problem.starts == 1:
                 break
         new = False
         if solution.ok:
@@ -296,7 +311,8 @@ class _Trace:
         merit = 1e3 * over + (values[:, free] / span[free]).sum(axis=1)
         return candidates[int(np.argmin(merit))]
 
-    def _count(self, solution: Solution) -> None:
+    def _count(self, scalar: Scalarisation, solution: Solution) -> None:
+        self.tracer.found(of_solve(scalar, solution))
         self.solves += 1
         self.iterations += solution.iterations
         self.failed += not solution.ok

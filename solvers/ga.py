@@ -17,7 +17,8 @@ from pymoo.core.mutation import Mutation
 from pymoo.operators.crossover.pntx import SinglePointCrossover
 from pymoo.operators.selection.tournament import TournamentSelection
 
-from ocp_traj.errors import InputError
+from ocp_traj.blas import one_blas_thread
+from ocp_traj.errors import InputError, quoted
 from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
@@ -83,8 +84,9 @@ class GA:
         """Checks the numbers and names."""
         require_sizes(self.population, self.generations)
         if self.handling not in ("feasibility", "death"):
-            raise InputError(f"constraint handling is {self.handling!r}; allowed for ga are feasibility, death")
+            raise InputError(f"constraint handling is {quoted(self.handling)}; allowed for ga are feasibility, death")
 
+    @one_blas_thread
     def run(self, problem: Problem, name: str) -> tuple[Evolution, Vectorised]:
         """The run on one objective; Ctrl-C ends it early with what it has."""
         rng = np.random.default_rng(self.seed)
@@ -98,6 +100,7 @@ class GA:
         )
         return evolve(algorithm, target, self.generations, self.seed, self.max_seconds, self.progress), target
 
+    @one_blas_thread
     def solve(self, problem: Problem, scalarisation: Scalarisation) -> Solution:
         """The best individual, proved where slowing it down can do that."""
         name = single_objective(problem, scalarisation, "ga")

@@ -28,16 +28,19 @@ from pymoo.algorithms.moo.nsga2 import NSGA2 as PymooNSGA2
 from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.pm import PM
 
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.records import Found, ignore
 from ocp_traj.solvers.attainment import refine, well_spaced
 from ocp_traj.solvers.elitism import ControlledElitism
-from ocp_traj.solvers.evolution import WORST, Vectorised, evolve, require_sizes
+from ocp_traj.solvers.evolution import WORST, Vectorised, ended_after, evolve, require_sizes
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
 from ocp_traj.solvers.generations import Watch
-from ocp_traj.solvers.pareto_set import ParetoSet
+from ocp_traj.solvers.pareto_set import ENDED_AFTER, ParetoSet
+from ocp_traj.stopping import Stopping, stopping
 
 Array = NDArray[np.float64]
 
@@ -72,6 +75,7 @@ class HMOGA:
         per_segment: instants a segment at which limits are looked at in a generation, at least its degree.
         max_seconds: time for all; of what the ends leave, evolution gets one half.
         progress: told after each generation, then after each refined point.
+        found: given a record of each solve, and of the population now and then.
     """
 
     seed: int
@@ -92,6 +96,7 @@ class HMOGA:
     per_segment: int = 5
     max_seconds: float = np.inf
     progress: Progress = silent
+    found: Found = ignore
 
     def __post_init__(self) -> None:
         """Checks the numbers."""
@@ -106,14 +111,17 @@ class HMOGA:
                 f"a stall of {self.stall}"
             )
 
+    @one_blas_thread
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
         """Ends, evolution and refinement; Ctrl-C ends it early with the points it has."""
         if len(objectives) < 2:
             raise InputError(f"a front trades two or more objectives; got {', '.join(objectives) or 'none'}")
+        with stopping(self.max_seconds) as stop:
+            return self._run(problem, objectives, stop)
+
+    def _run(self, problem: Problem, objectives: Sequence[str], stop: Stopping) -> ParetoSet:
         begun = time.perf_counter()
-        tracer = FrontTracer(
-            len(objectives), solver=self.solver, starts=self.starts, seed=self.seed, max_seconds=self.max_seconds
-        )
+        tracer = FrontTracer(len(objectives), solver=self.solver, starts=self.starts, seed=self.seed, found=self.found)
         ends = tracer.pareto(problem, objectives)
         info: dict[str, Any] = {
             "ends": {**ends.info, "points": len(ends.xs), "seconds": ends.seconds},
@@ -121,7 +129,11 @@ class HMOGA:
         }
         if ends.info.get("conflict") is False:
             info["conflict"] = False
-        if ends.interrupted or "conflict" in info:
+        if "ideal" in ends.info:
+            info["ideal"] = ends.info["ideal"]
+        if ENDED_AFTER in ends.info:
+            info[ENDED_AFTER] = f"{len(ends.xs)} of {len(objectives)} ends of the front"
+        if ENDED_AFTER in info or "conflict" in info:
             return ParetoSet(ends.xs, "hmoga", self.seed, ends.seconds, info, ends.interrupted)
         rng = np.random.default_rng(self.seed)
         target = Vectorised(problem, objectives, self.per_segment, tolerance=self.constraint_tolerance)
@@ -135,8 +147,8 @@ class HMOGA:
             survival=ControlledElitism(self.pareto_fraction),
         )
         algorithm.tournament_type = "comp_by_rank_and_crowding"
-        left = SHARE * max(self.max_seconds - (time.perf_counter() - begun), 0.0)
-        run = evolve(algorithm, target, self.generations, self.seed, left, self.progress, after=watch)
+        left = SHARE * max(stop.deadline - time.perf_counter(), 0.0)
+        run = evolve(algorithm, target, self.generations, self.seed, left, self.progress, after=watch, found=self.found)
         info |= {
             "population": self.population,
             "generations": len(run.history),
@@ -145,18 +157,23 @@ class HMOGA:
             "evaluations": target.individuals,
             "evaluation seconds": target.seconds,
             "evolution seconds": run.seconds,
+            "moved": run.moved,
             "history": {"generation": list(range(1, len(watch.rows) + 1)), **watch.history.to_dict("list")},
+            **({} if watch.stalled else ended_after(run, self.generations)),
         }
         genetic = [x for x in _inside(target, run.best) if not any(np.array_equal(x, end) for end in ends.xs)]
-        if run.interrupted:
-            return self._merged([*ends.xs, *genetic], begun, info, True)
+        if run.interrupted or not len(run.history):
+            return self._merged([*ends.xs, *genetic], begun, info, run.interrupted)
         # The ends solve an NLP already: goal attainment has nothing to give them.
         among = list(ends.xs)
         f = target.population.evaluate(np.array([*among, *genetic])).objectives * target.signs
         chosen = [genetic[i - len(among)] for i in well_spaced(f, self.points) if i >= len(among)]
         chosen += _least_broken(algorithm.pop, self.points - len(among) - len(chosen))
-        refined = refine(problem, objectives, chosen, self.solver, among, begun + self.max_seconds, self.progress)
+        refined = refine(problem, objectives, chosen, self.solver, among, self.progress, self.found)
+        if refined.reached < len(chosen):
+            info[ENDED_AFTER] = f"refining {refined.reached} of {len(chosen)} points"
         info |= {
+            "moved": run.moved or refined.better > 0,
             "genetic front": len(genetic),
             "points to refine": len(chosen),
             "points refined": refined.better,

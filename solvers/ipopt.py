@@ -6,11 +6,8 @@ Waechter and Biegler (2006), Mathematical Programming 106(1). Of the linear solv
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -18,8 +15,10 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 from ocp_traj.nlp import NLP, Conflict, Row, Solution, Status
+from ocp_traj.stopping import current, stopping
 
 Array = NDArray[np.float64]
 
@@ -31,7 +30,7 @@ _STATUS = {
     "Solve_Succeeded": Status.SOLVED,
     "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
     "Feasible_Point_Found": Status.FEASIBLE,
-    "Infeasible_Problem_Detected": Status.INFEASIBLE,
+    "Infeasible_Problem_Detected": Status.LOCALLY_INFEASIBLE,
     "Search_Direction_Becomes_Too_Small": Status.FAILED,
     "Diverging_Iterates": Status.UNBOUNDED,
     "User_Requested_Stop": Status.INTERRUPTED,
@@ -49,6 +48,31 @@ _STATUS = {
     "Insufficient_Memory": Status.FAILED,
     "Internal_Error": Status.FAILED,
 }
+
+_STOPPED = (Status.LOCALLY_INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT)  # perhaps at a feasible point
+
+
+class _AfterIteration(casadi.Callback):  # type: ignore[misc]  # casadi is untyped
+    """Called by IPOPT after each iteration, which it ends where the work should end; takes some 0.1 ms."""
+
+    def __init__(self) -> None:
+        casadi.Callback.__init__(self)
+        self.construct("after_iteration", {})
+
+    def get_n_in(self) -> int:
+        return int(casadi.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, i: int) -> Any:
+        return casadi.Sparsity(0, 0)  # the iterate is not looked at, so nothing is copied
+
+    def eval(self, arguments: Any) -> list[float]:
+        return [float(current().due)]
+
+
+_AFTER_ITERATION = _AfterIteration()  # CasADi does not keep it alive
 
 
 @dataclass(frozen=True)
@@ -76,8 +100,9 @@ class Ipopt:
         if self.linear_solver not in LINEAR_SOLVERS:
             raise InputError(f"linear solver {self.linear_solver!r}; allowed are {', '.join(LINEAR_SOLVERS)}")
 
+    @one_blas_thread
     def solve(self, nlp: NLP, x0: Array, warm: Solution | None = None) -> Solution:
-        """Solves an NLP from ``x0 (n,)``.
+        """Solves an NLP from ``x0 (n,)``; Ctrl-C raises ``KeyboardInterrupt`` after the iteration it comes in.
 
         Args:
             nlp: the problem.
@@ -96,7 +121,7 @@ class Ipopt:
             finer = scaled._run(nlp, solution.x, None, begun)
             if finer.ok and finer.f <= solution.f:
                 solution = replace(finer, iterations=solution.iterations + finer.iterations)
-        if solution.status is Status.INFEASIBLE:
+        if solution.status is Status.LOCALLY_INFEASIBLE:
             return replace(solution, conflicts=self.conflicts(nlp, solution.x), seconds=time.perf_counter() - begun)
         return solution
 
@@ -132,6 +157,7 @@ class Ipopt:
             "print_time": False,
             "error_on_fail": False,
             "expand": nlp.expand,
+            "iteration_callback": _AFTER_ITERATION,
             "ipopt": self._settings(bool(multipliers), nlp.options),
         }
         if nlp.derivatives is not None:
@@ -144,17 +170,18 @@ class Ipopt:
             solver = casadi.nlpsol("solver", "ipopt", program, options)
             nlp.memory["solver"] = nlp, options, solver
         bounds = {"lbx": nlp.lower_x, "ubx": nlp.upper_x, "lbg": nlp.lower_g, "ubg": nlp.upper_g}
-        with _interrupts() as interrupted:
+        with stopping() as stop:
+            stop.check()
             result = solver(x0=x0, **bounds, **multipliers)
-        if interrupted:
-            raise KeyboardInterrupt  # else IPOPT would only report a failed solve, and the work would go on
-        stats = solver.stats()
+            stats = solver.stats()
+            if _STATUS.get(stats["return_status"]) is Status.INTERRUPTED:
+                stop.check()
         x, g, lam_g, lam_x = (np.array(result[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
         violation = nlp.violation(x, g)
         status = _STATUS.get(stats["return_status"], Status.FAILED)
         if status.ok and not violation <= self.feasibility:
             status = Status.FAILED
-        elif status in (Status.INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT) and violation <= self.feasibility:
+        elif status in _STOPPED and violation <= self.feasibility:
             status = Status.FEASIBLE
         return Solution(
             name=nlp.name,
@@ -172,9 +199,9 @@ class Ipopt:
         )
 
     def conflicts(self, nlp: NLP, x0: Array) -> tuple[Conflict, ...]:
-        """The limits that cannot hold together, from the elastic problem: least sum of excesses over the bounds.
+        """The limits that do not hold together, from the elastic problem: least sum of excesses over the bounds.
 
-        A limit with an excess cannot be met; one without, but with a multiplier, is in its way.
+        A limit with an excess is not met at the point it comes to; one without, but with a multiplier, is in its way.
         """
         n, m = nlp.x.numel(), nlp.g.numel()
         over, under = casadi.MX.sym("over", m), casadi.MX.sym("under", m)
@@ -221,20 +248,6 @@ class Ipopt:
                     Row("variable", label, unit=nlp.units[i]), solution.x[i], bound, 0.0
                 )
         return tuple(sorted(found.values(), key=lambda c: -c.excess / c.row.scale))
-
-
-@contextmanager
-def _interrupts() -> Iterator[list[int]]:
-    """Collects Ctrl-C while a solve runs, in the main thread; elsewhere Python does not deliver it."""
-    received: list[int] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield received
-        return
-    before = signal.signal(signal.SIGINT, lambda number, frame: received.append(number))
-    try:
-        yield received
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def matched_multipliers(nlp: NLP, warm: Solution) -> Array:

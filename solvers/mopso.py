@@ -16,9 +16,11 @@ from pymoo.algorithms.moo.cmopso import CMOPSO
 from pymoo.algorithms.moo.mopso_cd import MOPSO_CD
 from pymoo.core.sampling import Sampling
 
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.records import Found, ignore
 from ocp_traj.solvers.evolution import Vectorised, evolve, front_of, require_sizes
 from ocp_traj.solvers.pareto_set import ParetoSet
 
@@ -62,6 +64,7 @@ class MOPSO:
         per_segment: instants a segment at which limits are looked at, at least its degree; the audit has the last word.
         max_seconds: stop after the iteration that passes this.
         progress: told after each iteration.
+        found: given a record of the feasible points that are best, now and then.
     """
 
     seed: int
@@ -72,6 +75,7 @@ class MOPSO:
     per_segment: int = 5
     max_seconds: float = np.inf
     progress: Progress = silent
+    found: Found = ignore
 
     def __post_init__(self) -> None:
         """Checks the numbers and names."""
@@ -79,6 +83,7 @@ class MOPSO:
         if self.variant not in VARIANTS:
             raise InputError(f"there is no variant {self.variant!r} of mopso; variants are {', '.join(VARIANTS)}")
 
+    @one_blas_thread
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
         """The archive's feasible points; Ctrl-C ends it early with those it has."""
         rng = np.random.default_rng(self.seed)
@@ -92,5 +97,5 @@ class MOPSO:
             algorithm = _Competitive(
                 pop_size=self.population, sampling=start, elite_size=max(10, self.population // 10)
             )
-        run = evolve(algorithm, target, self.generations, self.seed, self.max_seconds, self.progress)
+        run = evolve(algorithm, target, self.generations, self.seed, self.max_seconds, self.progress, found=self.found)
         return front_of(run, target, problem, "mopso", self.seed, self.population, self.generations)

@@ -9,12 +9,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.nlp import NLP, Solution, Status
 from ocp_traj.optima import distinct, with_sampled
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.scalarise import Scalarisation, WeightedSum
 from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.incumbent import no_worse_than
+from ocp_traj.stopping import STOPS, stopping
 
 Array = NDArray[np.float64]
 _Pair = tuple[Solution, Solution]  # of a first NLP, and what it led to
@@ -54,41 +57,55 @@ class Multistart:
         return list({x.tobytes(): x for x in points}.values())
 
     def solve_all(self, problem: Problem, scalarisation: Scalarisation) -> list[Solution]:
-        """One solution a start, or two with ``all_optima``; Ctrl-C ends it early with those it has."""
-        return self._solved(problem, scalarisation, [])
+        """One solution a start, or two with ``all_optima``; Ctrl-C ends it early with those it has, if any."""
+        return self._solved(problem, scalarisation, [])[0]
 
-    def _solved(self, problem: Problem, scalarisation: Scalarisation, pairs: list[_Pair]) -> list[Solution]:
+    def _solved(self, problem: Problem, scalarisation: Scalarisation, pairs: list[_Pair]) -> tuple[list[Solution], str]:
+        """The solutions, and after how many starts Ctrl-C came, if it did."""
         solutions: list[Solution] = []
-        one_start = self._shared(problem, scalarisation, pairs) if self.all_optima else self._alone
         points = self.points(problem)
-        for i, x0 in enumerate(points):
+        done = 0
+        with stopping() as stop:
             try:
-                solutions += one_start(problem, scalarisation, x0)
-            except KeyboardInterrupt:
+                one_start = self._shared(problem, scalarisation, pairs) if self.all_optima else self._alone
+                for x0 in points:
+                    solutions += one_start(problem, scalarisation, x0)
+                    done += 1
+                    best = best_of(solutions)
+                    self.progress(done, len(points), f"best {best.f:.9g}" if best.ok else best.status.value)
+            except STOPS as reason:
                 if not solutions:
                     raise
-                break
-            best = best_of(solutions)
-            self.progress(i + 1, len(points), f"best {best.f:.9g}" if best.ok else best.status.value)
-        return solutions
+                stop.take(reason)
+            return solutions, f"after {done} of {len(points)} starts" if stop.tell() else ""
 
+    @one_blas_thread
     def solve(self, problem: Problem, scalarisation: Scalarisation) -> Solution:
-        """The best of all starts: proved before unproved, then the smaller value."""
+        """The best of all starts: proved before unproved, then the smaller value.
+
+        Ctrl-C ends it early with the best so far, whose ``interrupted`` says so; before the first start has ended it
+        raises ``KeyboardInterrupt``.
+        """
         begun = time.perf_counter()
         pairs: list[_Pair] = []
-        solutions = self._solved(problem, scalarisation, pairs)
+        solutions, interrupted = self._solved(problem, scalarisation, pairs)
         optima = with_sampled(problem, distinct(problem, solutions, SOLVES), pairs) if self.all_optima else ()
-        return replace(best_of(solutions), seconds=time.perf_counter() - begun, optima=optima)
+        each = SOLVES if self.all_optima else 1
+        return replace(
+            best_of(solutions), seconds=time.perf_counter() - begun, optima=optima, starts=len(solutions) // each,
+            interrupted=interrupted,
+        )  # fmt: skip
 
     def _alone(self, problem: Problem, scalarisation: Scalarisation, x0: Array) -> list[Solution]:
         stone = problem.stepping_stone
         if stone in ("", *scalarisation.names):
             return [self.solver.solve(problem, scalarisation, x0)]
-        key = f"stepping stone {self.solver!r} {x0.tobytes().hex()}"
+        key = "stepping stone", repr(self.solver), x0.tobytes()
         first = problem.cached(key, lambda: self.solver.solve(problem, WeightedSum({stone: 1.0}), x0))
         if not first.ok:
             return [self.solver.solve(problem, scalarisation, x0)]
         solution = replace(self.solver, first=first.instants).solve(problem, scalarisation, first.x)
+        solution = no_worse_than(problem, scalarisation, solution, x0)
         return [replace(solution, iterations=first.iterations + solution.iterations)]
 
     def _shared(
@@ -120,10 +137,18 @@ class Multistart:
 
 
 def best_of(solutions: Sequence[Solution]) -> Solution:
-    """Proved before unproved, usable before failed, infeasible (it says why) before other failures, then least f."""
+    """Proved before unproved, usable before failed, then least f.
 
-    def rank(solution: Solution) -> tuple[bool, bool, bool, float]:
+    Of failures one that has a trajectory comes first, then the nearest of those that say which limits they miss; what
+    is infeasible for certain comes last, for it says nothing of the others.
+    """
+    order = (Status.UNPROVED, Status.LOCALLY_INFEASIBLE)
+
+    def rank(solution: Solution) -> tuple[bool, bool, int, bool, float]:
         proved = solution.audit is not None and solution.audit.proved
-        return not proved, not solution.ok, solution.status is not Status.INFEASIBLE, solution.f
+        local = solution.status is Status.LOCALLY_INFEASIBLE
+        kind = order.index(solution.status) if solution.status in order else len(order)
+        value = solution.violation if local else solution.f
+        return not proved, not solution.ok, kind, solution.status is Status.INFEASIBLE, value
 
     return min(solutions, key=rank)

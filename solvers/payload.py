@@ -15,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.audit import audit_all
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.fixed_states import fixed_values
 from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.scalarise import EpsilonConstraint
 from ocp_traj.solvers.multistart import Multistart
+from ocp_traj.stopping import current
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.verdicts import Audit
 
@@ -66,6 +68,7 @@ def _parameter_index(problem: Problem) -> int:
     return problem.requirements.parameters.index(PARAMETER)
 
 
+@one_blas_thread
 def static_bound(problem: Problem) -> LargestPayload:
     """The payload no time law can exceed, from the efforts at the ends, where the motion is given.
 
@@ -98,6 +101,7 @@ def static_bound(problem: Problem) -> LargestPayload:
     return best
 
 
+@one_blas_thread
 def along(problem: Problem, trajectory: Trajectory, largest: float | None = None) -> LargestPayload:
     """The largest payload along a trajectory whose timing stays as it is, bracketed by proofs to ``TOLERANCE``.
 
@@ -126,6 +130,7 @@ def along(problem: Problem, trajectory: Trajectory, largest: float | None = None
             f"{problem.id}: even {top:g} kg are proved along this trajectory; give a larger mass to look up to"
         )
     while high - low > TOLERANCE:
+        current().check()
         masses = np.linspace(low, high, BATCH + 2)[1:-1]
         found = audits(masses)
         first = next((i for i, a in enumerate(found) if not a.proved), len(found))
@@ -133,7 +138,7 @@ def along(problem: Problem, trajectory: Trajectory, largest: float | None = None
             high, above = float(masses[first]), found[first]
         if first > 0:
             low = float(masses[first - 1])
-    carried = replace(trajectory, parameters={**trajectory.parameters, PARAMETER: low})
+    carried = _carrying(problem, trajectory, low)
     row = above.failures[0]
     return LargestPayload(
         payload=low,
@@ -150,6 +155,18 @@ def along(problem: Problem, trajectory: Trajectory, largest: float | None = None
     )
 
 
+def _carrying(problem: Problem, trajectory: Trajectory, mass: float) -> Trajectory:
+    """The trajectory with another payload [kg], in its case and its variables as well where they have one."""
+    case, variables = dict(trajectory.case), dict(trajectory.variables)
+    if hasattr(problem.case, PARAMETER):
+        case[PARAMETER] = mass
+    if PARAMETER in variables:
+        variables[PARAMETER] = np.array([mass])
+    parameters = {**trajectory.parameters, PARAMETER: mass}
+    return replace(trajectory, case=case, variables=variables, parameters=parameters, origin=None)
+
+
+@one_blas_thread
 def within(problem: Problem, max_time: float, solver: Multistart | None = None) -> LargestPayload:
     """The largest payload of all trajectories that take at most ``max_time`` [s]: mass and intervals chosen together.
 

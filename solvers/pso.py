@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pymoo.algorithms.soo.nonconvex.pso import PSO as PymooPSO
 
-from ocp_traj.errors import InputError
+from ocp_traj.blas import one_blas_thread
+from ocp_traj.errors import InputError, quoted
 from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
@@ -100,10 +101,13 @@ class PSO:
         """Checks the numbers and names."""
         require_sizes(self.population, self.generations, 2)
         if self.schedule not in SCHEDULES:
-            raise InputError(f"there is no schedule {self.schedule!r}; schedules are {', '.join(SCHEDULES)}")
+            raise InputError(f"there is no schedule {quoted(self.schedule)}; schedules are {', '.join(SCHEDULES)}")
         if self.handling not in ("feasibility", "penalty"):
-            raise InputError(f"constraint handling is {self.handling!r}; allowed for pso are feasibility, penalty")
+            raise InputError(
+                f"constraint handling is {quoted(self.handling)}; allowed for pso are feasibility, penalty"
+            )
 
+    @one_blas_thread
     def run(self, problem: Problem, name: str) -> tuple[Evolution, Vectorised]:
         """The swarm's run on one objective; Ctrl-C ends it early with what it has."""
         rng = np.random.default_rng(self.seed)
@@ -123,6 +127,7 @@ class PSO:
 
         return evolve(algorithm, target, self.generations, self.seed, self.max_seconds, self.progress, before), target
 
+    @one_blas_thread
     def solve(self, problem: Problem, scalarisation: Scalarisation) -> Solution:
         """The best particle, proved where slowing it down can do that."""
         name = single_objective(problem, scalarisation, "pso")

@@ -12,13 +12,13 @@ from scipy.interpolate import BPoly, CubicSpline
 
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.nlp import NLP, Row
-from ocp_traj.problem import Objective, Problem, Variable
+from ocp_traj.objective import Objective, gauss
+from ocp_traj.problem import Problem, Variable
 from ocp_traj.requirements import SWEEP, PathConstraint, PointConstraint, Requirements, State
 
 Array = npt.NDArray[np.float64]
 
-# Gauss and Legendre's rule with 4 nodes on [0, 1]: exact to degree 7.
-GAUSS = tuple((0.5 + 0.5 * float(x), 0.5 * float(w)) for x, w in zip(*np.polynomial.legendre.leggauss(4), strict=True))
+GAUSS = gauss(4)  # exact to degree 7
 
 
 # --- one joint, rest to rest, by a quintic: q = D (10 u^3 - 15 u^4 + 6 u^5), u = t/T ---
@@ -112,7 +112,7 @@ def septic_problem(case: Septic | None = None) -> Problem:
         robot=None,
         variables=(Variable("P", np.full(2, -5.0), np.full(2, 5.0), "rad", ("P3", "P4")),),
         curve=curve,
-        objectives=(Objective("jerk", "rad2/s5", 10.0, integrand=lambda s: s.jerk**2, quadrature=GAUSS_8),),
+        objectives=(Objective("jerk", "rad2/s5", 10.0, integrand=lambda s: s.jerk**2, quadrature=gauss(8)),),
         default_objective="jerk",
         requirements=Requirements(
             ("j",), ("rad",), (PathConstraint.on_derivative("position-limit", 0, -5.0, 5.0, ("rad",), ("j",)),)
@@ -122,9 +122,6 @@ def septic_problem(case: Septic | None = None) -> Problem:
 
 
 # Exact to degree 15: the squared jerk of a septic has degree 8.
-GAUSS_8 = tuple(
-    (0.5 + 0.5 * float(x), 0.5 * float(w)) for x, w in zip(*np.polynomial.legendre.leggauss(8), strict=True)
-)
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,7 @@ def test_show_names_every_limit_with_bounds_unit_and_equation(call: Call) -> Non
     assert code == 0
     force = [row for row in sheet["limits"] if row["id"] == "force"]
     assert [row["upper"] for row in force] == [500.0, 500.0, 500.0, 17.0, 17.0]
-    assert {row["eq"] for row in sheet["limits"]} == {"(118)", "(119)", "(120)", "(121)", "(122)", "(7)"}
+    assert {row["eq"] for row in sheet["limits"]} == {"(118)", "(119)", "(120)", "(121)", "(122)", "below (4)"}
     assert all(row["unit"] for row in sheet["limits"])
     table = call("show", "hybrid-spline", "--set", "payload=7.25")[1]
     assert "7.25" in table and "jerk-limit" in table
@@ -150,7 +150,9 @@ def test_pareto_writes_a_run_and_never_overwrites_it(call: Call, tmp_path: Path)
         "time [s]", "energy [N2 m2/s]", "jerk [(m2+rad2)/s5]", "acceleration [(m2+rad2)/s3]",
     ]  # fmt: skip
     assert (table["verdict"] == "proved").all() and (table["margin"] > -1e-9).all()
-    assert sorted(p.name for p in folder.iterdir()) == ["front.csv", "front.png", "run.json", "trajectories"]
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "front.csv", "front.png", "journal.jsonl", "run.json", "trajectories",
+    ]  # fmt: skip
     assert call("audit", folder / "trajectories" / "000.json")[0] == 0
     exported = tmp_path / "front.parquet"
     assert call("export", folder, "--format", "parquet", "-o", exported)[0] == 0

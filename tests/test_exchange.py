@@ -1,6 +1,7 @@
 """Constraint exchange: closed forms, and the hybrid robot's known optima, feasible by an independent scan first."""
 
-from dataclasses import replace
+import re
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,12 +10,15 @@ from numpy.testing import assert_array_equal
 
 from ocp_traj import problems
 from ocp_traj.audit import audit
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import NLP, Solution, Status
+from ocp_traj.objective import Objective
 from ocp_traj.problem import Problem
 from ocp_traj.requirements import PathConstraint
 from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation, WeightedSum
-from ocp_traj.solvers.exchange import Exchange, worst_instants
+from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.ipopt import Ipopt
+from ocp_traj.solvers.multistart import Multistart
+from ocp_traj.solvers.worst_instants import worst_instants
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.transcription import BACK_OFF, trajectory, transcribe, uniform_instants
 from tests.closed_form import Quintic, quintic_problem
@@ -257,7 +261,7 @@ def test_a_payload_too_heavy_is_reported_with_the_force_it_takes() -> None:
     """At rest F3 = -(38.475 + 13) g, whatever the intervals: 4.8 N too much; in motion it can only be more."""
     problem = problems.load("hybrid-spline", payload=13.0)
     solution = solve(problem, TIME)
-    assert solution.status is Status.INFEASIBLE
+    assert solution.status is Status.LOCALLY_INFEASIBLE
     assert not solution.ok
     worst = solution.conflicts[0]
     assert (worst.row.limit, worst.row.label, worst.bound) == ("force", "F3", pytest.approx(-500.0, rel=1e-6))
@@ -270,15 +274,90 @@ def test_a_payload_too_heavy_is_reported_with_the_force_it_takes() -> None:
 def test_a_bound_no_trajectory_meets_is_named_beside_what_stops_it() -> None:
     """T <= 1 s against a least time of 1.07 s."""
     solution = solve(quintic_problem(), EpsilonConstraint("effort", {"time": 1.0}))
-    assert solution.status is Status.INFEASIBLE
+    assert solution.status is Status.LOCALLY_INFEASIBLE
     assert {conflict.row.limit for conflict in solution.conflicts} == {"time", "acceleration-limit"}
+    assert "the one start found no trajectory; the nearest misses time" in solution.explain()
     assert solution.trajectory is None or solution.audit is None or not solution.audit.proved
 
 
-def test_a_problem_that_does_not_dilate_is_left_unproved_by_one_round() -> None:
-    solution = solve(replace(quintic_problem(), dilate=None), TIME, solver=Exchange(max_rounds=1))
-    assert solution.audit is not None and not solution.audit.proved
+# --- without a proof, and not worse than what was known ---
+
+
+FAST, SLOW = np.array([0.3]), np.array([3.0])  # [s]: the first breaks limits, the second is proved
+
+
+def test_a_problem_that_does_not_dilate_is_left_unproved_by_one_round_and_says_why() -> None:
+    solution = Exchange(max_rounds=1).solve(replace(quintic_problem(), dilate=None), TIME, FAST)
+    assert solution.status is Status.UNPROVED and solution.audit is not None and not solution.audit.proved
     assert solution.x[0] < Quintic().least_time
+    why = r"all 1 rounds are used up, the last still gained; acceleration-limit j is violated, .* rad/s2 from its bound"
+    assert re.match(why + r" at t = .* s; its last solve ended with IPOPT: Solve_Succeeded$", solution.detail)
+    assert solution.detail in solution.explain()
+
+
+def test_rounds_that_gain_nothing_are_called_stalled() -> None:
+    """Limits that the NLP has looser by 1e-3 than they are: every round ends beyond them by as much."""
+    solution = Exchange(max_rounds=4, back_off=-1e-3).solve(replace(quintic_problem(), dilate=None), TIME, FAST)
+    assert solution.status is Status.UNPROVED
+    assert re.match("all 4 rounds are used up, stalled; acceleration-limit j is violated, 0.0049", solution.detail)
+
+
+def test_a_round_without_a_point_is_named_with_the_solvers_own_word() -> None:
+    solution = Exchange(Ipopt(max_iter=1)).solve(quintic_problem(), TIME, FAST)
+    assert solution.status is Status.ITERATION_LIMIT
+    assert solution.detail == "round 1 of 10 found no point: iteration limit, IPOPT: Maximum_Iterations_Exceeded"
+
+
+def test_a_proved_start_is_returned_where_the_exchange_ends_without_a_proof() -> None:
+    solution = Exchange(max_rounds=1).solve(replace(quintic_problem(), dilate=None), TIME, SLOW)
+    assert solution.status is Status.FEASIBLE and solution.audit is not None and solution.audit.proved
+    assert (solution.x.tolist(), solution.f, solution.objectives["time"]) == ([3.0], 1.5, 3.0)
+    assert solution.own.status is Status.UNPROVED and solution.own.detail in solution.detail
+
+
+@dataclass(frozen=True)
+class Elsewhere(Ipopt):
+    """Begins at 9 s wherever it is told to begin."""
+
+    def solve(self, nlp: NLP, x0: np.ndarray, warm: Solution | None = None) -> Solution:
+        return super().solve(nlp, nlp.start(np.array([9.0])))
+
+
+def two_valleys() -> Problem:
+    """f = ((T - 3)^2 (T - 8)^2 + T) / 2: 1.5 at T = 3, 4 at T = 8."""
+    valleys = Objective("valleys", "-", 2.0, of_variables=lambda x, p: ((x[0] - 3) * (x[0] - 8)) ** 2 + x[0])
+    problem = quintic_problem()
+    return replace(problem, objectives=(*problem.objectives, valleys))
+
+
+@pytest.mark.parametrize(
+    ("scalar", "value", "other"),
+    [
+        (WeightedSum({"valleys": 1.0}), 1.5, 4.0),
+        (EpsilonConstraint("valleys", {"time": 9.5}), 1.5, 4.0),
+        (GoalAttainment({"valleys": 1.0}, {"valleys": 1.0}, {"time": 9.5}), 2.0, 7.0),
+    ],
+)
+def test_a_proved_start_that_is_better_than_the_optimum_found_is_returned(
+    scalar: Scalarisation, value: float, other: float
+) -> None:
+    solution = Exchange(Elsewhere()).solve(two_valleys(), scalar, SLOW)
+    assert (solution.x.tolist(), solution.f) == ([3.0], pytest.approx(value))
+    assert solution.own.status is Status.SOLVED and solution.own.f == pytest.approx(other, rel=1e-2)
+    assert solution.detail.startswith("the start is proved and better than what the solver came to, which ended at ")
+
+
+def test_a_start_beyond_the_bounds_asked_for_or_without_a_proof_is_not_returned() -> None:
+    bounded = EpsilonConstraint("valleys", {"speed": 0.12})  # at most 8.33 s
+    assert Exchange(Elsewhere()).solve(two_valleys(), bounded, SLOW).x.tolist() == [3.0]
+    slow = EpsilonConstraint("valleys", {"effort": 0.1})  # at least 5.56 s
+    for scalar, start in ((slow, SLOW), (WeightedSum({"valleys": 1.0}), FAST)):
+        assert Exchange(Elsewhere()).solve(two_valleys(), scalar, start).x[0] == pytest.approx(8.0, abs=0.1)
+
+
+def test_the_start_of_a_stepping_stone_counts_as_well() -> None:
+    problem = replace(two_valleys(), stepping_stone="effort", guess=lambda rng: SLOW)
+    assert Multistart(Exchange(Elsewhere())).solve(problem, WeightedSum({"valleys": 1.0})).x.tolist() == [3.0]
 
 
 @pytest.mark.slow

@@ -198,7 +198,7 @@ def test_an_unknown_objective_is_refused() -> None:
 
 def test_an_infeasible_problem_says_which_limits_conflict() -> None:
     problem = quintic_problem(Quintic(velocity=0.1))  # T >= 18.75 s, at most 10 s allowed
-    with pytest.raises(NoSolutionFound, match="no trajectory meets these limits together: .*velocity-limit"):
+    with pytest.raises(NoSolutionFound, match="the one start found no trajectory; the nearest misses .*velocity-limit"):
         FrontTracer(starts=1).pareto(problem, ["time", "effort"])
 
 

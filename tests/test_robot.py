@@ -498,12 +498,13 @@ def test_bad_urdf_is_explained(xml: str, message: str) -> None:
 
 def test_bad_urdf_source_is_explained(tmp_path: Path) -> None:
     with pytest.raises(
-        RobotDefinitionError, match="URDF file .*nowhere.urdf' does not exist; give a path, or the XML itself"
+        RobotDefinitionError,
+        match="cannot read the URDF file .*nowhere.urdf: No such file.*; give a path, or the XML itself",
     ):
         Robot.from_urdf(tmp_path / "nowhere.urdf")
     binary = tmp_path / "mesh.stl"
     binary.write_bytes(b"\xff\xfe\x00\x80")
-    with pytest.raises(RobotDefinitionError, match="is not a URDF: it is not text"):
+    with pytest.raises(RobotDefinitionError, match="cannot read the URDF file .*: it is not text"):
         Robot.from_urdf(binary)
     with pytest.raises(
         RobotDefinitionError, match=r"'gripper' does not move in the URDF string; frames are \['finger', 'fore'"

@@ -185,7 +185,7 @@ def test_files_that_cannot_be_read_say_why(tmp_path: Path) -> None:
         Trajectory.load(tmp_path / "picture.json")
     with pytest.raises(FileFormatError, match="cannot read the trajectory file .*No such file"):
         Trajectory.load(tmp_path / "none.json")
-    with pytest.raises(FileFormatError, match="directory"):
+    with pytest.raises(FileFormatError, match="it is a folder"):
         read_text(tmp_path, "run")
 
 

@@ -104,11 +104,11 @@ def test_the_limits_up_to_snap_rule_a_move_from_rest_to_rest() -> None:
         ({"origin": (4.0, 0.0, 1.0)}, r"tag \d of 9 is out of reach"),
         ({"case": "weld"}, "allowed are seam, air-move"),
         ({"rest_at_tags": True}, "for case air-move"),
-        ({"tags": 1}, "give 2 to 40"),
+        ({"tags": 1}, "give a whole number from 2 to 40"),
         ({"psi": 0.0}, "psi is 0 deg"),
         ({"weld_speed": 0.0}, "weld_speed is 0.0"),
         ({"home": (0.0, -90.0, 100.0, 0.0, -60.0, 360.0)}, "home has A6 at 360.0 deg"),
-        ({"seam_file": "nowhere.csv"}, "no readable CSV file"),
+        ({"seam_file": "nowhere.csv"}, "cannot read the seam file nowhere.csv: No such file"),
         ({"tags": 2, "phi": (-180.0, 180.0)}, "give more tags"),
     ],
 )

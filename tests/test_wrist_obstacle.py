@@ -356,7 +356,7 @@ def test_an_obstacle_that_touches_an_end_is_named_with_its_depth() -> None:
         ("case", "shut", "allowed are blocked, open"),
         ("branch", "2", "allowed are best, 0, 1"),
         ("min_clearance", -0.1, "give an angle from 0"),
-        ("weights", (0.0, 0.0), "not both zero"),
+        ("weights", (0.0, 0.0), "zero or more and not all zero"),
         ("min_time", 5.0, "is not below max_time"),
     ],
 )
