@@ -110,9 +110,13 @@ def run_folder(place: Path, name: str) -> Path:
 def foreign(rng: Rng) -> Data:
     """A motion from elsewhere: samples, the coefficients of their spline, or its control points."""
     data: Data = json.loads((EXAMPLES / "samples.json").read_text())
-    kind = pick(rng, ("samples", "samples", "spline", "control points"))
+    kind = pick(rng, ("samples", "samples", "spline", "control points", "one segment"))
     if kind == "samples":
         return data
+    if kind == "one segment":
+        quintic = [data["positions"][0]] * 3 + [data["positions"][-1]] * 3
+        form = {"format": "ocp-traj/trajectory/1", "durations": [2.5], "control_points": [quintic]}
+        return {**form, "joints": data["joints"], "parameters": {"payload": 2.0}}
     if kind == "control points":
         return {**Trajectory.from_dict(data).to_dict(), "parameters": {"payload": 1.5}}
     powers = CubicSpline(data["times"], data["positions"], bc_type="clamped").c[::-1]
@@ -228,7 +232,10 @@ def by_command_line(mutant: Mutant, outcome: str) -> str:
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = command_line(arguments)
-    expected = {REFUSED: (1, 2), PROVED: (0,)}.get(outcome, (1,)) if mutant.subject != "run" else (0, 2)
+    # Where nothing is asked nothing is decided, which the command line takes for wrong input.
+    expected = (
+        {REFUSED: (1, 2), PROVED: (0,), UNDECIDED: (1, 2)}.get(outcome, (1,)) if mutant.subject != "run" else (0, 2)
+    )
     if code not in expected or "Traceback" in out.getvalue() + err.getvalue():
         return f"EXIT CODE {code} of what is {outcome}: {err.getvalue()[-200:]}"
     if code == 2 and len(err.getvalue().strip().splitlines()) != 1:

@@ -157,6 +157,7 @@ BROKEN: list[tuple[str, str, Change]] = [
     ("wrist", "margin", put("case", min_clearance=0.09)),
     ("wrist, far", "far-obstacles", put("case", obstacles=((0.0, 3.0, 0.0, 1.9),))),
     ("wrist, far", "far-obstacles", put("case", min_clearance=3.0)),
+    ("wrist", "obstacles", put("case", min_clearance=3.1, obstacles=((0.0, -0.7, 0.0, 0.6),))),
     ("wrist", "start", put("case", case="open")),
     ("wrist", "start", moved(2, 1e-8, 0, (0,))),
     ("wrist", "goal", put("case", branch="1")),
