@@ -20,7 +20,6 @@ from ocp_traj.front import Front
 from ocp_traj.nlp import Solution, Status
 from ocp_traj.problem import Decomposition, Problem
 from ocp_traj.progress import Progress, silent
-from ocp_traj.provenance import audit_points
 from ocp_traj.records import Found, Record, ignore
 from ocp_traj.scalarise import Scalarisation, WeightedSum, check_names
 from ocp_traj.solvers.branch_and_bound import BranchAndBound, is_certifiable, require_certifiable
@@ -39,8 +38,7 @@ from ocp_traj.solvers.repair import largest_excess
 from ocp_traj.stopping import current, stopping
 from ocp_traj.store import Run, request
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import case_fields
+from ocp_traj.trajectory import Trajectory, audit_points, case_fields
 
 FRONT_METHODS: dict[str, type[Any]] = {"trace": FrontTracer, "nsga2": NSGA2, "mopso": MOPSO, "hmoga": HMOGA}
 METHODS = tuple(FRONT_METHODS)

@@ -16,9 +16,8 @@ from ocp_traj import measures
 from ocp_traj.errors import InputError
 from ocp_traj.objective import Objective
 from ocp_traj.problem import Problem
-from ocp_traj.provenance import audit_points
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import Trajectory
+from ocp_traj.trajectory import Trajectory, audit_points
 from ocp_traj.verdicts import PROVED, UNDECIDED, VIOLATED, Audit
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ as after a dilation. Each variable is then held to its bounds, as a row of the a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from ocp_traj.audit import audit_all, checked_row, require_joints
 from ocp_traj.errors import InputError
+from ocp_traj.motion import Motion
 from ocp_traj.problem import Problem
-from ocp_traj.symbolic import curve_function
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
+from ocp_traj.symbolic import curve_function, motion_of
 from ocp_traj.verdicts import VIOLATED, Audit, AuditRow
 
 Array = NDArray[np.float64]
@@ -31,31 +30,24 @@ ROUNDING = 1e-12  # relative: variables found this close to a bound are on it; o
 STEPS = 20  # of the search for variables; a curve is nearly linear in them where its durations are known
 
 
-def audit_points(problem: Problem, xs: Sequence[Array], **options: Any) -> list[tuple[Trajectory, Audit]]:
-    """The trajectories that decision vectors stand for, each with its audit; see ``audit_trajectories``."""
-    moved = [trajectory(problem, x) for x in xs]
-    audits = audit_all(moved, problem.requirements, **options)
-    return [
-        (motion, replace(found, rows=(*found.rows, *bound_rows(problem, np.asarray(x, dtype=float)))))
-        for x, motion, found in zip(xs, moved, audits, strict=True)
-    ]
-
-
-def audit_trajectories(problem: Problem, trajectories: Sequence[Trajectory], **options: Any) -> list[Audit]:
-    """Audits trajectories of a problem: its limits, the bounds of its variables, and that all of it agrees.
+def audit_motions(
+    problem: Problem, motions: Sequence[Motion], variables: Sequence[Mapping[str, Array]], **options: Any
+) -> list[Audit]:
+    """Audits motions of a problem: its limits, the bounds of its variables, and that all of it agrees.
 
     Args:
         problem: whose limits hold.
-        trajectories: of its joints, in its order.
+        motions: of its joints, in its order.
+        variables: of each motion, by block; none where they are to be found from it.
         options: of ``ocp_traj.audit.audit_all``.
 
     Raises:
-        InputError: where joints, variables, parameters, case and curve of a trajectory do not agree to ``AGREE``.
+        InputError: where joints, variables, parameters, case and curve of a motion do not agree to ``AGREE``.
     """
-    for motion in trajectories:
+    for motion in motions:
         require_joints(motion, problem.requirements)
-    more = [_rows_of_variables(problem, motion) for motion in trajectories]
-    found = audit_all(trajectories, problem.requirements, **options)
+    more = [_rows_of_variables(problem, *pair) for pair in zip(motions, variables, strict=True)]
+    found = audit_all(motions, problem.requirements, **options)
     return [replace(one, rows=(*one.rows, *rows)) for one, rows in zip(found, more, strict=True)]
 
 
@@ -68,9 +60,9 @@ def bound_rows(problem: Problem, x: Array) -> list[AuditRow]:
     return [checked_row(block, *entry, ON_BOUND) for block, entry in zip(blocks, entries, strict=True)]
 
 
-def _rows_of_variables(problem: Problem, motion: Trajectory) -> list[AuditRow]:
-    if motion.variables:
-        x = _given_variables(problem, motion)
+def _rows_of_variables(problem: Problem, motion: Motion, variables: Mapping[str, Array]) -> list[AuditRow]:
+    if variables:
+        x = _given_variables(problem, variables)
         worst, what = _disagreement(problem, motion, x)
         if worst > 1.0:
             raise InputError(
@@ -86,19 +78,19 @@ def _rows_of_variables(problem: Problem, motion: Trajectory) -> list[AuditRow]:
     return [replace(row, verdict=VIOLATED)]
 
 
-def _given_variables(problem: Problem, motion: Trajectory) -> Array:
+def _given_variables(problem: Problem, variables: Mapping[str, Array]) -> Array:
     """The decision vector that a trajectory brings along, block by block."""
     wanted = {v.id: len(v.labels) for v in problem.variables}
-    given = {name: np.size(block) for name, block in motion.variables.items()}
+    given = {name: np.size(block) for name, block in variables.items()}
     if given != wanted:
         raise InputError(f"the trajectory has the variables {given}; {problem.id} has {wanted} in this case")
-    x = np.concatenate([np.ravel(motion.variables[name]) for name in wanted])
+    x = np.concatenate([np.ravel(variables[name]) for name in wanted])
     if not np.isfinite(x).all():
         raise InputError(f"the trajectory's variables have to be finite numbers in {problem.id}")
     return x
 
 
-def recovered_variables(problem: Problem, motion: Trajectory) -> Array:
+def recovered_variables(problem: Problem, motion: Motion) -> Array:
     """Variables ``(n,)`` that come as close as can be to a trajectory's durations, control points and parameters.
 
     By Gauss and Newton's method from a guess of the problem's.
@@ -131,16 +123,16 @@ def _slopes(curve: Any) -> Any:
     return casadi.Function("slopes", [x], [casadi.densify(casadi.jacobian(stacked, x))])
 
 
-def _numbers(motion: Trajectory, problem: Problem) -> Array:
+def _numbers(motion: Motion, problem: Problem) -> Array:
     """A trajectory's durations, parameters and control points in the order of ``curve_function``."""
     parameters = [motion.parameters[name] for name in problem.requirements.parameters]
     points = [p.ravel(order="F") for p in motion.curve.control_points]
     return np.concatenate([motion.curve.durations, parameters, *points])
 
 
-def _disagreement(problem: Problem, motion: Trajectory, x: Array) -> tuple[float, str]:
+def _disagreement(problem: Problem, motion: Motion, x: Array) -> tuple[float, str]:
     """The largest difference between a trajectory and what ``x`` gives, over what may be, and of what it is."""
-    made = trajectory(problem, x)
+    made = motion_of(problem, x)
     pairs: list[tuple[str, Array, Array]] = [
         (f"parameter {name}", np.array(motion.parameters[name]), np.array(made.parameters[name]))
         for name in problem.requirements.parameters

@@ -28,8 +28,7 @@ from ocp_traj.run_folder import JOURNAL, MANIFEST, TABLE, TRAJECTORIES
 from ocp_traj.solvers.pareto_set import ParetoSet, proved_front
 from ocp_traj.store import FORMAT, trajectory_file
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import case_fields
+from ocp_traj.trajectory import Trajectory, case_fields
 
 Array = NDArray[np.float64]
 

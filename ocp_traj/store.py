@@ -26,7 +26,7 @@ from ocp_traj.plot import plot_front
 from ocp_traj.problem import Problem
 from ocp_traj.records import Record, is_proved, of_front, usable
 from ocp_traj.run_folder import JOURNAL, MANIFEST, PICTURE, TABLE, TRAJECTORIES, RunFolder
-from ocp_traj.transcription import case_fields
+from ocp_traj.trajectory import case_fields
 from ocp_traj.verdicts import PROVED
 
 FORMAT = "ocp-traj/run/2"

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier, total_variation
 from ocp_traj.local_derivatives import Lifted
+from ocp_traj.motion import Motion
 from ocp_traj.objective import Objective
 from ocp_traj.problem import Problem
 from ocp_traj.requirements import ORDERS, derivative_order, state_function
@@ -122,6 +123,13 @@ def curve_function(problem: Problem) -> Any:
         return casadi.Function("curve", [x], outputs)
 
     return problem.cached("curve", build)
+
+
+def motion_of(problem: Problem, x: ArrayLike) -> Motion:
+    """The motion that a decision vector ``x (n,)`` stands for."""
+    durations, parameters, *points = (np.array(value) for value in curve_function(problem)(np.asarray(x, dtype=float)))
+    named = dict(zip(problem.requirements.parameters, parameters.ravel().tolist(), strict=True))
+    return Motion(PiecewiseBezier(durations.ravel(), tuple(points)), problem.requirements.joints, named)
 
 
 def shape_function(problem: Problem) -> Any:

@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from math import comb
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
+from ocp_traj.audit import audit_all
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.errors import FileFormatError, InputError, cut, quoted
 from ocp_traj.files import read_json, write_text
 from ocp_traj.motion import Motion
-
-if TYPE_CHECKING:
-    from ocp_traj.problem import Problem
-    from ocp_traj.verdicts import Audit
+from ocp_traj.problem import Problem
+from ocp_traj.provenance import audit_motions, bound_rows
+from ocp_traj.registry import load
+from ocp_traj.symbolic import motion_of
+from ocp_traj.verdicts import Audit
 
 Array = NDArray[np.float64]
 
@@ -52,16 +54,13 @@ class Trajectory(Motion):
         return replace(self, curve=self.curve.dilate(factor), variables={})
 
     def audit(self, **options: Any) -> Audit:
-        """Checks every limit of its problem at every instant; see ``ocp_traj.provenance.audit_trajectories``."""
-        from ocp_traj.problems import load
-        from ocp_traj.provenance import audit_trajectories
-
+        """Checks every limit of its problem at every instant; see ``ocp_traj.provenance.audit_motions``."""
         if self.origin is None and not self.problem:
             raise InputError(
                 "this trajectory names no problem; give its limits: ocp_traj.audit.audit(trajectory, requirements)"
             )
         problem = load(self.problem, **self.case) if self.origin is None else self.origin
-        return audit_trajectories(problem, [self], **options)[0]
+        return audit_motions(problem, [self], [self.variables], **options)[0]
 
     def to_dict(self) -> dict[str, Any]:
         """As plain JSON values."""
@@ -115,6 +114,46 @@ class Trajectory(Motion):
             raise FileFormatError(f"{source}: the field {error} of format {kind} is missing") from error
         except (TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
             raise FileFormatError(f"{source} is not a sound {kind} file: {cut(str(error), 200)}") from error
+
+
+def trajectory_of(problem: Problem, x: ArrayLike) -> Trajectory:
+    """The trajectory that a decision vector stands for."""
+    motion = motion_of(problem, x)
+    return Trajectory(
+        motion.curve, motion.joints, motion.parameters, problem.id, case_fields(problem), problem.unpack(x), problem
+    )
+
+
+def audit_points(problem: Problem, xs: Sequence[Array], **options: Any) -> list[tuple[Trajectory, Audit]]:
+    """The trajectories that decision vectors stand for, each with its audit, the bounds on its variables among it."""
+    moved = [trajectory_of(problem, x) for x in xs]
+    audits = audit_all(moved, problem.requirements, **options)
+    return [
+        (motion, replace(found, rows=(*found.rows, *bound_rows(problem, np.asarray(x, dtype=float)))))
+        for x, motion, found in zip(xs, moved, audits, strict=True)
+    ]
+
+
+def case_fields(problem: Problem) -> dict[str, Any]:
+    """The case's fields that differ from their defaults, as plain values: enough to build the problem again.
+
+    A case that is no dataclass, or none at all, has no fields.
+    """
+    if not is_dataclass(problem.case):
+        return {}
+    given = {f.name: (_plain(getattr(problem.case, f.name)), _plain(_default(f))) for f in fields(problem.case)}
+    return {name: value for name, (value, default) in given.items() if value != default}
+
+
+def _default(field: Field[Any]) -> Any:
+    """A field's default; of one that has to be given, what equals nothing."""
+    return field.default_factory() if field.default_factory is not MISSING else field.default
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return [_plain(item) for item in value] if isinstance(value, tuple | list) else value
 
 
 def _names(joints: Any) -> tuple[str, ...]:

@@ -7,12 +7,12 @@ over the columns of states, so that the NLP's size, not its build time, grows wi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.local_derivatives import Lifted
@@ -23,14 +23,12 @@ from ocp_traj.requirements import PathConstraint, PointConstraint
 from ocp_traj.scalarise import Scalarisation, check_names
 from ocp_traj.symbolic import (
     SymbolicCurve,
-    curve_function,
     degrees,
     objective_values,
     shape_function,
     states_at,
     variations,
 )
-from ocp_traj.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -68,42 +66,6 @@ class Instant:
     def moves(self) -> bool:
         """Whether it moves with the variables, in time or along the sweep."""
         return self.slope is not None or self.sweep_slope is not None
-
-
-def trajectory(problem: Problem, x: ArrayLike) -> Trajectory:
-    """The trajectory that a decision vector stands for."""
-    durations, parameters, *points = (np.array(value) for value in curve_function(problem)(np.asarray(x, dtype=float)))
-    return Trajectory(
-        curve=PiecewiseBezier(durations.ravel(), tuple(points)),
-        joints=problem.requirements.joints,
-        problem=problem.id,
-        case=case_fields(problem),
-        variables=problem.unpack(x),
-        parameters=dict(zip(problem.requirements.parameters, parameters.ravel().tolist(), strict=True)),
-        origin=problem,
-    )
-
-
-def case_fields(problem: Problem) -> dict[str, Any]:
-    """The case's fields that differ from their defaults, as plain values: enough to build the problem again.
-
-    A case that is no dataclass, or none at all, has no fields.
-    """
-    if not is_dataclass(problem.case):
-        return {}
-    given = {f.name: (_plain(getattr(problem.case, f.name)), _plain(_default(f))) for f in fields(problem.case)}
-    return {name: value for name, (value, default) in given.items() if value != default}
-
-
-def _default(field: Field[Any]) -> Any:
-    """A field's default; of one that has to be given, what equals nothing."""
-    return field.default_factory() if field.default_factory is not MISSING else field.default
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    return [_plain(item) for item in value] if isinstance(value, tuple | list) else value
 
 
 def few_instants(problem: Problem) -> tuple[Instant, ...]:

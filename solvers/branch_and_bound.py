@@ -46,8 +46,7 @@ from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.stopping import STOPS, Stopping, stopping
 from ocp_traj.symbolic import variables_function
 from ocp_traj.tape import Tape
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import Trajectory, trajectory_of
 
 Array = NDArray[np.float64]
 
@@ -464,7 +463,7 @@ class _Search:
             return
         best = int(hopeful[np.argmin(total[hopeful])])
         x = z[:, best] / z[:, best].sum() * total[best]
-        broken = _near_rows(self.problem, trajectory(self.problem, x), 0.0)
+        broken = _near_rows(self.problem, trajectory_of(self.problem, x), 0.0)
         if broken:  # it looked better only because of rows left out: take them in
             self._choose(tuple(dict.fromkeys((*self.others.chosen, *broken))))
         else:

@@ -28,7 +28,7 @@ from ocp_traj.solvers.repair import slow_down
 from ocp_traj.solvers.scaling import TimeScaling
 from ocp_traj.stopping import STOPS, stopping
 from ocp_traj.symbolic import degrees, evaluate_objectives
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import trajectory_of
 
 Array = NDArray[np.float64]
 
@@ -295,7 +295,7 @@ def solution_of(
         iterations=len(run.history),
         seconds=run.seconds,
         objectives=objectives,
-        trajectory=trajectory(problem, x),
+        trajectory=trajectory_of(problem, x),
         audit=found,
         detail=f"{method}: the best of {target.individuals} individuals{mended}; {claim}",
         moved=run.moved,

@@ -20,7 +20,6 @@ from ocp_traj.blas import one_blas_thread
 from ocp_traj.nlp import NLP, Row, Solution, Status
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
-from ocp_traj.provenance import audit_points
 from ocp_traj.requirements import PathConstraint
 from ocp_traj.scalarise import Scalarisation
 from ocp_traj.solvers.incumbent import no_worse_than
@@ -30,7 +29,8 @@ from ocp_traj.solvers.repair import largest_excess, slow_down
 from ocp_traj.solvers.turning import turned
 from ocp_traj.solvers.worst_instants import worst_instants
 from ocp_traj.symbolic import evaluate_objectives, variations
-from ocp_traj.transcription import BACK_OFF, Instant, few_instants, trajectory, transcribe
+from ocp_traj.trajectory import audit_points, trajectory_of
+from ocp_traj.transcription import BACK_OFF, Instant, few_instants, transcribe
 from ocp_traj.verdicts import Audit
 
 Array = NDArray[np.float64]
@@ -239,7 +239,7 @@ def _finished(
     checked: Audit | None = None,
 ) -> Solution:
     """A solution with its trajectory, objectives and audit."""
-    candidate, found = (trajectory(problem, x), checked) if checked else audit_points(problem, [x])[0]
+    candidate, found = (trajectory_of(problem, x), checked) if checked else audit_points(problem, [x])[0]
     objectives = evaluate_objectives(problem, x)
     # The NLP's sum of steps may fall short of a total variation, and traces are not what is asked for.
     if variations(problem, scalarisation.names) or problem.regularisation:

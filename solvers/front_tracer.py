@@ -27,7 +27,6 @@ from ocp_traj.nlp import Solution, Status
 from ocp_traj.population import Population
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
-from ocp_traj.provenance import audit_points
 from ocp_traj.records import Found, ignore, of_solve
 from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation
 from ocp_traj.solvers.exchange import Exchange
@@ -35,6 +34,7 @@ from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.pareto_set import ENDED_AFTER, ParetoSet
 from ocp_traj.stopping import STOPS, stopping
 from ocp_traj.symbolic import evaluate_objectives
+from ocp_traj.trajectory import audit_points
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from ocp_traj.nlp import Solution, Status
 from ocp_traj.problem import Problem
-from ocp_traj.provenance import audit_points
 from ocp_traj.scalarise import Scalarisation, value_of
 from ocp_traj.symbolic import evaluate_objectives
+from ocp_traj.trajectory import audit_points
 
 Array = NDArray[np.float64]
 

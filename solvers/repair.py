@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.problem import Problem
-from ocp_traj.provenance import audit_points
+from ocp_traj.trajectory import audit_points
 from ocp_traj.verdicts import Audit
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ocp_traj import problems
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import trajectory_of
 from tests.independent.check import PROBLEMS
 
 Data = dict[str, Any]
@@ -180,7 +180,7 @@ def rebuilt(rng: Rng, data: Data) -> str:
     blocks = data["variables"] or problem.unpack(problem.guess(rng))
     x = np.concatenate([np.ravel(blocks[v.id]) for v in problem.variables])
     x = x * (1.0 + 10.0 ** rng.uniform(-4.0, -0.7) * rng.normal(size=len(x)))
-    data.update(json.loads(json.dumps(trajectory(problem, x).to_dict())))
+    data.update(json.loads(json.dumps(trajectory_of(problem, x).to_dict())))
     return "other variables and their curve"
 
 

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from ocp_traj import problems
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import Trajectory, trajectory_of
 
 TABLE_7 = (0.330, 0.837, 0.803, 0.569, 0.477, 0.382, 0.348, 0.348, 0.392, 0.552, 0.732, 0.420)  # h [s], Guo et al.
 SLOW = (0.6, 1.0, 0.8)  # [s], within every limit of Zhu and Wang's arm
@@ -51,7 +50,7 @@ def _text(name: str, slower: float) -> str:
     problem, case, x = VARIANTS[name]
     built = problems.load(problem, **case)
     start = built.guess(np.random.default_rng(0)) if x is None else np.array(x)
-    motion: Trajectory = trajectory(built, start)
+    motion: Trajectory = trajectory_of(built, start)
     return json.dumps((motion if slower == 1.0 else motion.dilate(slower)).to_dict())
 
 

@@ -44,7 +44,7 @@ from ocp_traj.requirements import (
 from ocp_traj.robot import Robot
 from ocp_traj.tape import Tape
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory as of_vector
+from ocp_traj.trajectory import trajectory_of as of_vector
 from ocp_traj.verdicts import ALLOWANCE, CHECKED, PROVED, UNDECIDED, VIOLATED, Audit, AuditRow
 from tests.random_robots import random_robot
 

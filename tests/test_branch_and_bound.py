@@ -19,7 +19,7 @@ from ocp_traj.requirements import PathConstraint, Requirements
 from ocp_traj.scalarise import EpsilonConstraint, WeightedSum
 from ocp_traj.solvers.branch_and_bound import BranchAndBound, _Search
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import trajectory_of
 
 TIME = WeightedSum({"time": 1.0})
 
@@ -58,7 +58,7 @@ def small_problem(seed: int, longest: float = 60.0, position: float = np.inf) ->
 
 def as_solution(problem: Problem, x: np.ndarray) -> Solution:
     """A decision vector as a proved solution."""
-    moved = trajectory(problem, x)
+    moved = trajectory_of(problem, x)
     found = audit(moved, problem.requirements)
     assert found.proved
     return Solution(problem.id, x, float(x.sum()), Status.FEASIBLE, 0.0, 0, 0.0, trajectory=moved, audit=found)
@@ -66,7 +66,7 @@ def as_solution(problem: Problem, x: np.ndarray) -> Solution:
 
 def exact_time(problem: Problem, ratios: np.ndarray) -> float:
     """The shortest time at given ratios, by the exact extrema of the derivatives."""
-    curve = trajectory(problem, ratios / ratios.sum()).curve
+    curve = trajectory_of(problem, ratios / ratios.sum()).curve
     slow = 0.0
     for limit in problem.requirements.path_constraints:
         order = limit.order or 0

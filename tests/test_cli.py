@@ -18,8 +18,7 @@ import pytest
 from ocp_traj import problems
 from ocp_traj.cli import run
 from ocp_traj.problems import hybrid_spline
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import Trajectory, trajectory_of
 
 Call = Callable[..., tuple[int, str, str]]
 
@@ -40,7 +39,7 @@ def call(capfd: pytest.CaptureFixture[str]) -> Call:
 def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Table 7's trajectory, as a file."""
     problem = problems.load("hybrid-spline")
-    return trajectory(problem, hybrid_spline.TABLE_7).save(tmp_path_factory.mktemp("saved") / "table7.json")
+    return trajectory_of(problem, hybrid_spline.TABLE_7).save(tmp_path_factory.mktemp("saved") / "table7.json")
 
 
 def one_line(err: str) -> str:
@@ -131,7 +130,7 @@ def test_payload_within_a_time_lies_between_the_trajectory_and_the_static_bound(
 
 def test_audit_of_a_violated_trajectory_exits_1_and_says_where(call: Call, tmp_path: Path) -> None:
     problem = problems.load("hybrid-spline", payload=12.0)
-    heavy = trajectory(problem, hybrid_spline.TABLE_7).save(tmp_path / "heavy.json")
+    heavy = trajectory_of(problem, hybrid_spline.TABLE_7).save(tmp_path / "heavy.json")
     code, _, err = call("audit", heavy)
     assert code == 1
     assert re.search(r"force F3 violated: -501.*t = 0.33", one_line(err))

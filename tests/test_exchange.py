@@ -20,7 +20,8 @@ from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.multistart import Multistart
 from ocp_traj.solvers.worst_instants import worst_instants
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.transcription import BACK_OFF, trajectory, transcribe, uniform_instants
+from ocp_traj.trajectory import trajectory_of
+from ocp_traj.transcription import BACK_OFF, transcribe, uniform_instants
 from tests.closed_form import Quintic, quintic_problem
 from tests.independent.check import broken, excesses
 from tests.independent.robots import LINKS, G
@@ -66,7 +67,7 @@ def test_a_narrow_dip_below_beside_a_peak_above_is_found() -> None:
     )
     problem = quintic_problem()
     problem = replace(problem, requirements=replace(problem.requirements, path_constraints=(limit,)))
-    candidate = trajectory(problem, [3.0])
+    candidate = trajectory_of(problem, [3.0])
     found = worst_instants(problem, candidate, audit(candidate, problem.requirements))
     assert min(abs(instant.u - dip) for instant in found) < 1e-9
 
@@ -75,7 +76,7 @@ def test_a_first_grid_blind_to_the_limit_gets_the_peaks_as_moving_instants() -> 
     """At T = 0.5 the acceleration is broken at u = (3 -+ sqrt(3))/6, the velocity at 1/2: none of them moves with T."""
     case = Quintic()
     problem = quintic_problem(case)
-    candidate = trajectory(problem, [0.5])
+    candidate = trajectory_of(problem, [0.5])
     found = worst_instants(problem, candidate, audit(candidate, problem.requirements))
     at = sorted((instant.limit, instant.u) for instant in found)
     assert [limit for limit, _ in at] == ["acceleration-limit", "acceleration-limit", "velocity-limit"]
@@ -149,11 +150,11 @@ def test_least_time_is_proved_in_few_rounds_with_few_rows(fastest: Solution) -> 
 def test_ten_instants_an_interval_are_more_rows_and_still_broken_between(hybrid: Problem, fastest: Solution) -> None:
     nlp = transcribe(hybrid, TIME, uniform_instants(hybrid, 10))
     gridded = Ipopt().solve(nlp, fastest.x).require()
-    data = trajectory(hybrid, gridded.x).to_dict()
+    data = trajectory_of(hybrid, gridded.x).to_dict()
     assert len(nlp.rows) > 5 * fastest.row_count
     assert gridded.f < fastest.f - 1e-4
     assert max(excesses(data).values()) > 1e-4
-    assert trajectory(hybrid, gridded.x).audit().verdict == "violated"
+    assert trajectory_of(hybrid, gridded.x).audit().verdict == "violated"
 
 
 def test_one_round_is_repaired_by_slowing_down(hybrid: Problem) -> None:

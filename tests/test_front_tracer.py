@@ -18,7 +18,7 @@ from ocp_traj.solvers.multistart import Multistart
 from ocp_traj.solvers.nsga2 import NSGA2
 from ocp_traj.solvers.pareto_set import ParetoSet
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import trajectory_of
 from tests.closed_form import Quintic, quintic_problem, stairs_problem
 from tests.independent.check import broken, excesses
 
@@ -47,7 +47,7 @@ def hypervolume(f: np.ndarray, ideal: tuple[float, float], reference: tuple[floa
 
 
 def proved(problem: Problem, found: ParetoSet) -> list[bool]:
-    return [a.proved for a in audit_all([trajectory(problem, x) for x in found.xs], problem.requirements)]
+    return [a.proved for a in audit_all([trajectory_of(problem, x) for x in found.xs], problem.requirements)]
 
 
 # --- closed form ---
@@ -225,7 +225,7 @@ def test_progress_is_told_after_every_point() -> None:
 def _check_front(problem: Problem, found: ParetoSet, names: list[str]) -> np.ndarray:
     """Feasible by a scan that shares nothing with the solver, proved, non-dominated; the values in ascending order."""
     for x in found.xs:
-        assert not broken(excesses(trajectory(problem, x).to_dict()))
+        assert not broken(excesses(trajectory_of(problem, x).to_dict()))
     assert all(proved(problem, found))
     f = values(problem, found, names)
     assert not dominated(f).any()

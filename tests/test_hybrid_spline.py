@@ -11,7 +11,7 @@ from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
 from ocp_traj.problems import hybrid_spline as paper
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import trajectory_of
 from tests.closed_form import clamped_spline
 from tests.independent.check import broken, excesses
 from tests.independent.hybrid import FORCE, TABLE_6
@@ -199,7 +199,7 @@ def test_jerk_and_acceleration_scale_by_their_powers_of_time(hybrid: Problem, fa
 
 
 def test_the_curve_is_scipys_clamped_spline_through_free_knots(hybrid: Problem) -> None:
-    curve = trajectory(hybrid, TABLE_7).curve
+    curve = trajectory_of(hybrid, TABLE_7).curve
     reference = clamped_spline(hybrid.requirements.point_constraints[1].lower, TABLE_7)
     t = np.linspace(0.0, curve.duration, 300)
     for order in range(3):
@@ -209,7 +209,7 @@ def test_the_curve_is_scipys_clamped_spline_through_free_knots(hybrid: Problem) 
 
 def test_table_8s_extra_knots_follow_from_table_7(hybrid: Problem) -> None:
     """Table 8, corrected: row 2 X_S1 = 263.47 mm; row 12 X_S2 = 657.51 mm (cut off, not rounded), phi5 = 0.1997 rad."""
-    points = trajectory(hybrid, TABLE_7).curve.control_points
+    points = trajectory_of(hybrid, TABLE_7).curve.control_points
     assert points[1][0, 0] * 1e3 == pytest.approx(263.47, abs=0.005)
     assert points[11][0, 1] * 1e3 == pytest.approx(657.51, abs=0.01)
     assert points[11][0, 4] == pytest.approx(0.1997, abs=5e-5)
@@ -250,7 +250,7 @@ def test_table_7_respects_every_limit_and_carries_11_88_kg() -> None:
     """Along Table 7 the largest payload is 11.88 kg: half a unit of the last digit either way."""
     for payload, carried in ((10.0, True), (11.875, True), (11.885, False)):
         problem = problems.load("hybrid-spline", payload=payload)
-        assert bool(broken(excesses(trajectory(problem, TABLE_7).to_dict()))) != carried
+        assert bool(broken(excesses(trajectory_of(problem, TABLE_7).to_dict()))) != carried
 
 
 # --- the freed payload ---
@@ -265,5 +265,5 @@ def test_a_freed_payload_is_the_last_variable_and_a_parameter_of_the_curve() -> 
     fixed = evaluate_objectives(problems.load("hybrid-spline", payload=7.0), TABLE_7)
     assert found.pop("payload_mass") == 7.0
     assert found == pytest.approx(fixed, rel=1e-13)
-    assert trajectory(problem, x).parameters == {"payload": 7.0}
+    assert trajectory_of(problem, x).parameters == {"payload": 7.0}
     assert_allclose(problem.dilate(x, 2.0), [*(2.0 * TABLE_7), 7.0])  # type: ignore[misc]

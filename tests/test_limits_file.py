@@ -17,8 +17,7 @@ from ocp_traj.cli import run
 from ocp_traj.errors import FileFormatError, InputError
 from ocp_traj.limits_file import read_requirements
 from ocp_traj.problem import Problem
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import Trajectory, trajectory_of
 from ocp_traj.verdicts import CHECKED, UNDECIDED, VIOLATED, AuditRow
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -108,7 +107,7 @@ def hybrid_toml() -> str:
 
 @pytest.fixture(scope="module")
 def table_7(hybrid: Problem) -> Trajectory:
-    return trajectory(hybrid, problems.module("hybrid-spline").TABLE_7)
+    return trajectory_of(hybrid, problems.module("hybrid-spline").TABLE_7)
 
 
 def unlabelled(rows: tuple[AuditRow, ...], leave_out: tuple[str, ...] = ()) -> list[AuditRow]:

@@ -13,7 +13,7 @@ from ocp_traj.export import trajectory_table
 from ocp_traj.problem import Problem
 from ocp_traj.requirements import PathConstraint, Requirements
 from ocp_traj.screen import problem_sheet
-from ocp_traj.transcription import case_fields
+from ocp_traj.trajectory import case_fields
 from tests.closed_form import Quintic, quintic_problem
 
 

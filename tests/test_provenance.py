@@ -13,11 +13,11 @@ from ocp_traj import problems
 from ocp_traj.errors import InputError
 from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
-from ocp_traj.provenance import AGREE, audit_points, audit_trajectories, recovered_variables
+from ocp_traj.provenance import AGREE, audit_motions, recovered_variables
 from ocp_traj.scalarise import WeightedSum
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.payload import along
-from ocp_traj.trajectory import Trajectory
+from ocp_traj.trajectory import Trajectory, audit_points
 from ocp_traj.verdicts import CHECKED, VIOLATED
 
 File = dict[str, Any]
@@ -60,7 +60,7 @@ def outcome(file: File) -> str:
     """The verdict on a file, or that it is refused."""
     try:
         motion = Trajectory.from_dict(json.loads(json.dumps(file)))
-        return audit_trajectories(built(file["problem"], json.dumps(file["case"])), [motion])[0].verdict
+        return audit_motions(built(file["problem"], json.dumps(file["case"])), [motion], [motion.variables])[0].verdict
     except InputError as error:
         assert "\n" not in str(error)
         return REFUSED
@@ -262,7 +262,7 @@ def test_a_slowed_trajectory_is_audited_with_the_variables_it_still_has(hybrid: 
 def test_a_motion_that_is_not_of_the_problem_has_no_variables(hybrid: Problem, cheapest: Solution) -> None:
     assert cheapest.trajectory is not None
     bent = replace(cheapest.trajectory, variables={}, curve=cheapest.trajectory.curve.elevate(4))
-    (found,) = audit_trajectories(hybrid, [bent])
+    (found,) = audit_motions(hybrid, [bent], [{}])
     assert [(row.limit, row.label) for row in found.failures] == [
         ("variables", "that give the degree or number of segments")
     ]

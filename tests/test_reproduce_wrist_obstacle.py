@@ -15,7 +15,7 @@ from ocp_traj.reproductions.wrist_obstacle import dilations, equations, plane
 from ocp_traj.reproductions.wrist_obstacle_errata import equation_errata, later_start, misses
 from ocp_traj.scalarise import WeightedSum
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import trajectory_of
 from tests.paper_column import foreign
 
 
@@ -32,7 +32,7 @@ def entry(found: Sheet | Reproduction, start: str) -> Comparison:
 
 def random_curve(seed: int) -> PiecewiseBezier:
     problem = problems.load("wrist-obstacle", branch="0")
-    return trajectory(problem, problem.guess(np.random.default_rng(seed))).curve
+    return trajectory_of(problem, problem.guess(np.random.default_rng(seed))).curve
 
 
 def test_in_the_plane_the_link_collides_at_the_goal_whatever_the_radius() -> None:

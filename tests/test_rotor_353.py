@@ -22,8 +22,7 @@ from ocp_traj.robot import Robot
 from ocp_traj.scalarise import WeightedSum
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import Trajectory, trajectory_of
 from tests.independent.check import broken, excesses
 from tests.independent.robots import RotorRobot, efforts
 from tests.independent.rotor import SPEED, TABLE_2, via_points
@@ -549,7 +548,7 @@ def test_without_effort_limits_there_is_no_payload_to_find() -> None:
 def test_a_freed_payload_is_the_last_variable() -> None:
     problem, x = problems.load("rotor-353", free_payload=True), np.array([0.4, 1.2, 0.4, 5.0])
     assert problem.labels == ("t1", "t2", "t3", "payload")
-    moved: Trajectory = trajectory(problem, x)
+    moved: Trajectory = trajectory_of(problem, x)
     assert moved.parameters == {"payload": 5.0}
     assert_allclose(problem.dilate(x, 2.0), [0.8, 2.4, 0.8, 5.0])  # type: ignore[misc]
     fixed = evaluate_objectives(problems.load("rotor-353", payload=5.0), x[:3])

@@ -17,8 +17,8 @@ from ocp_traj.problem import Problem, Variable
 from ocp_traj.requirements import SWEEP, PathConstraint, Requirements, State
 from ocp_traj.scalarise import WeightedSum
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import Instant, few_instants, trajectory, transcribe
+from ocp_traj.trajectory import Trajectory, trajectory_of
+from ocp_traj.transcription import Instant, few_instants, transcribe
 from ocp_traj.verdicts import PROVED, UNDECIDED, VIOLATED
 
 JOINTS = ("A", "B")
@@ -201,6 +201,6 @@ def test_rows_and_population_know_the_sweep() -> None:
     nlp = transcribe(problem, WeightedSum({"speed": 1.0}), instants)
     assert len(set(nlp.rows)) == len(nlp.rows) == len(instants)
     x = np.array([0.0, 4.0, 0.2, 4.0])
-    limit, motion = problem.requirements.path_constraints[0], trajectory(problem, x)
+    limit, motion = problem.requirements.path_constraints[0], trajectory_of(problem, x)
     direct = swept_on(motion, problem.requirements, limit, 0, np.linspace(0.0, 1.0, 5), SWEEP).max()
     assert Population(problem, ["speed"], 5).evaluate(x).violations[0, 0] * limit.scale[0] == pytest.approx(direct)

@@ -11,15 +11,8 @@ from ocp_traj.nlp import NLP
 from ocp_traj.problem import Problem
 from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, WeightedSum
 from ocp_traj.symbolic import SymbolicCurve, evaluate_objectives, quadrature, states_at
-from ocp_traj.transcription import (
-    BACK_OFF,
-    Instant,
-    case_fields,
-    few_instants,
-    trajectory,
-    transcribe,
-    uniform_instants,
-)
+from ocp_traj.trajectory import case_fields, trajectory_of
+from ocp_traj.transcription import BACK_OFF, Instant, few_instants, transcribe, uniform_instants
 from tests.closed_form import (
     Direct,
     Mixed,
@@ -224,7 +217,7 @@ def test_quadrature_nodes_are_shared_at_knots_where_the_integrand_is_continuous(
 def test_a_trajectory_is_the_curve_at_x_with_all_that_belongs_to_it() -> None:
     problem = mixed_problem(Mixed(rate=7.0, steps=(3.0,)))
     x = guess(problem)
-    found = trajectory(problem, x)
+    found = trajectory_of(problem, x)
     assert found.curve.degrees == (5, 3, 4)
     assert_array_equal(found.curve.durations, x[:3])
     for ours, reference in zip(found.curve.control_points, Direct(problem, x).segments, strict=True):

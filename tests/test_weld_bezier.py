@@ -17,8 +17,7 @@ from ocp_traj.problems.weld_bezier import Ogbemhe2019, start
 from ocp_traj.problems.weld_start import least_time
 from ocp_traj.seam import Placement, TubeSeam
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import Trajectory, trajectory_of
 from tests.independent.case import complete
 from tests.independent.check import broken, excesses
 from tests.independent.motion import Motion
@@ -131,7 +130,7 @@ def test_hundreds_of_variables_stay_off_the_screen_but_not_out_of_the_json() -> 
     many = problems.load("weld-bezier")
     for one, left in ((problem, 0), (many, 270)):
         x = one.guess(np.random.default_rng(0))
-        found = Solution(one.id, x, 0.0, Status.SOLVED, 0.0, 1, 0.0, trajectory=trajectory(one, x))
+        found = Solution(one.id, x, 0.0, Status.SOLVED, 0.0, 1, 0.0, trajectory=trajectory_of(one, x))
         found = replace(found, audit=audit(found.trajectory, one.requirements), objectives=evaluate_objectives(one, x))
         sheet = screen.solution_sheet(one, found)
         (table,) = [t for t in sheet.tables if t[0].startswith("Variables")]

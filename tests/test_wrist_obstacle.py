@@ -26,8 +26,8 @@ from ocp_traj.solvers.ga import GA
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.scaling import TimeScaling
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory, transcribe, uniform_instants
+from ocp_traj.trajectory import Trajectory, trajectory_of
+from ocp_traj.transcription import transcribe, uniform_instants
 from tests.independent.check import broken, excesses
 from tests.independent.motion import Motion
 from tests.independent.robots import WristRobot, efforts
@@ -99,7 +99,7 @@ def least_distance(curve: Polynomials, sphere: Sequence[float], samples: int = 4
 
 def check(problem: Problem, x: np.ndarray) -> None:
     """Every limit, recomputed; and the curve is that of the variables."""
-    data = trajectory(problem, x).to_dict()
+    data = trajectory_of(problem, x).to_dict()
     assert not broken(excesses(data))
     curve = polynomials(problem, x)
     found = np.concatenate([Motion.read(data).at(k, np.linspace(0.0, 1.0, 101)) for k in (0, 1)])
@@ -123,7 +123,7 @@ def test_the_curve_is_the_polynomials_of_its_boundary_conditions(changes: dict[s
     problem = problems.load("wrist-obstacle", **changes)
     for seed in range(5):
         x = random_x(problem, seed)
-        ours, theirs = trajectory(problem, x).curve, polynomials(problem, x)
+        ours, theirs = trajectory_of(problem, x).curve, polynomials(problem, x)
         u = np.linspace(0.0, 1.0, 101)
         for order in range(3):
             found = np.concatenate([ours.at(k, u, order) for k in (0, 1)])
@@ -195,7 +195,7 @@ def test_the_limit_is_met_exactly_where_the_whole_link_is_clear() -> None:
         x = random_x(plain, trial)
         x[9] = 0.0
         # Near the way of the tip, so that there is something to hit.
-        centre = tip(trajectory(plain, x).curve.at(trial % 2, rng.uniform(0.2, 0.8))[0]) * rng.uniform(0.4, 1.3)
+        centre = tip(trajectory_of(plain, x).curve.at(trial % 2, rng.uniform(0.2, 0.8))[0]) * rng.uniform(0.4, 1.3)
         centre += 0.2 * rng.normal(size=3)
         radius = float(rng.uniform(0.1, 0.6))
         if np.linalg.norm(centre) < radius + 2.0 * LINK:
@@ -204,7 +204,7 @@ def test_the_limit_is_met_exactly_where_the_whole_link_is_clear() -> None:
         (limit,) = [c for c in problem.requirements.path_constraints if c.id.endswith("obstacles")]
         within = 2.0 >= sqrt(centre @ centre - (radius + LINK) ** 2)
         assert limit.id == ("obstacles" if within else "far-obstacles") and limit.sweep == (not within)
-        moving = trajectory(problem, x)
+        moving = trajectory_of(problem, x)
         u = np.linspace(0.0, 1.0, 40)
         for k in (0, 1):
             values = limit_on(moving, problem.requirements, limit, k, u)[0]
@@ -221,7 +221,7 @@ def test_clearance_is_the_angle_by_which_an_obstacle_may_grow(wrist: Problem) ->
     size = sqrt(0.5)
     for seed in range(10):
         x = random_x(wrist, seed)
-        found = paper.clearance(trajectory(wrist, x).curve, paper.obstacles(wrist.case))
+        found = paper.clearance(trajectory_of(wrist, x).curve, paper.obstacles(wrist.case))
         radius = size * np.sin(asin((0.4 + LINK) / size) + found)
         if 0.0 < radius < size:
             assert least_distance(polynomials(wrist, x), (0.5, 0.5, 0.0, radius - LINK)) == approx(0.0, abs=1e-5)
@@ -234,7 +234,7 @@ def test_efforts_are_pinocchios() -> None:
     (limit,) = [c for c in problem.requirements.path_constraints if c.id == "effort"]
     assert_allclose(limit.upper, [1.0, 2.0, 0.2])
     for seed in range(5):
-        moving = trajectory(problem, random_x(problem, seed))
+        moving = trajectory_of(problem, random_x(problem, seed))
         u = np.linspace(0.0, 1.0, 11)
         for k in (0, 1):
             states = [moving.curve.at(k, u, order) for order in range(3)]
@@ -385,7 +385,7 @@ def test_a_sampled_solution_without_margin_is_caught_between_its_samples(wrist: 
     sampled = Ipopt().solve(nlp, nlp.start(random_x(wrist, 0)))
     assert sampled.status is Status.SOLVED
     x = sampled.x[: wrist.size]
-    found = audit(trajectory(wrist, x), wrist.requirements)
+    found = audit(trajectory_of(wrist, x), wrist.requirements)
     (row,) = [row for row in found.rows if row.limit == "obstacles"]
     curve = polynomials(wrist, x)
     at_samples = least_distance(curve, SPHERE, 20)
@@ -404,7 +404,7 @@ def test_a_margin_of_ten_microradians_is_proved_in_few_pieces(wrist: Problem) ->
     (row,) = [row for row in solution.audit.rows if row.limit == "obstacles"]
     assert row.boxes <= 200
     assert least_distance(polynomials(problem, solution.x), SPHERE) == approx(1e-5 * sqrt(0.5 - 0.45**2), rel=1e-2)
-    without = trajectory(wrist, np.append(solution.x[:9], 0.0)).audit()
+    without = trajectory_of(wrist, np.append(solution.x[:9], 0.0)).audit()
     (row,) = [row for row in without.rows if row.limit == "obstacles"]
     assert row.verdict == "proved" and row.margin > 1e-6 and row.boxes <= 200
 

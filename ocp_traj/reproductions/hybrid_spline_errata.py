@@ -13,8 +13,7 @@ from ocp_traj.problem import Problem
 from ocp_traj.problems import hybrid_spline as paper
 from ocp_traj.solvers.payload import static_bound
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import Trajectory, trajectory_of
 
 Array = NDArray[np.float64]
 
@@ -42,7 +41,7 @@ def equation_errata(physical: Problem, literal: Problem) -> tuple[Erratum, ...]:
         physical: the problem with a payload that is a weight.
         literal: the problem with a payload that pulls along the tool.
     """
-    motion = trajectory(physical, paper.TABLE_7)
+    motion = trajectory_of(physical, paper.TABLE_7)
     printed = paper.TABLE_9[next(iter(paper.TABLE_9))]
     (forces, energy), (light, heavy) = energies(literal), energies(physical)
     off = tangent_angles()
@@ -130,7 +129,7 @@ def vertical_product(motion: Trajectory) -> float:
 
 def energies(problem: Problem) -> tuple[float, float]:
     """z2 at Table 7 with a problem's payload: |U||v| summed over joints after squaring, and before."""
-    motion = trajectory(problem, paper.TABLE_7)
+    motion = trajectory_of(problem, paper.TABLE_7)
     limit = next(c for c in problem.requirements.path_constraints if c.id == "force")
     after = before = 0.0
     for k, h in enumerate(paper.TABLE_7):

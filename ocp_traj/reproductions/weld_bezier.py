@@ -33,8 +33,7 @@ from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.solvers.nsga2 import NSGA2
 from ocp_traj.solvers.pareto_set import ParetoSet
 from ocp_traj.solvers.repair import slow_down
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import Trajectory, trajectory_of
 
 Array = NDArray[np.float64]
 
@@ -129,7 +128,7 @@ def signed_torques(problem: Problem, found: Solution) -> tuple[float, float]:
     u = np.linspace(0.0, 1.0, 400)
     least = []
     for s in (1.0, 0.5):
-        curve = trajectory(problem, problem.dilate(found.x, s)).curve
+        curve = trajectory_of(problem, problem.dilate(found.x, s)).curve
         states = [np.concatenate([curve.at(k, u, order) for k in range(curve.segments)]).T for order in range(3)]
         least.append(float(np.array(total.map(states[0].shape[1])(*states)).min()))
     return least[0], least[1]

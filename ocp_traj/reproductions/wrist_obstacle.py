@@ -22,7 +22,7 @@ from ocp_traj.scalarise import WeightedSum
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.ga import GA
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import trajectory_of
 
 Array = NDArray[np.float64]
 
@@ -120,7 +120,7 @@ def dilations(best: Solution) -> pd.DataFrame:
     assert problem.dilate is not None
     rows = []
     for s in SCALES:
-        moved = trajectory(problem, problem.dilate(best.x, s))
+        moved = trajectory_of(problem, problem.dilate(best.x, s))
         values = evaluate_objectives(problem, problem.dilate(best.x, s))
         v, a = (max(max(-e.lower, e.upper) for e in moved.curve.extrema(order)) for order in (1, 2))
         rows.append((s, values["time"], values["distance"], v, a))
