@@ -166,8 +166,8 @@ def agreeing(rng: Rng, data: Data) -> str:
     for name, value in list(data["parameters"].items()):
         other = factor * value if value else factor
         data["parameters"][name] = other
-        if name == "payload":
-            data["case"]["payload"] = other
+        if name == "payload" or rng.random() < 0.5:
+            data["case"][{"clearance": "min_clearance"}.get(name, name)] = other
         for block in ("payload", "margin"):
             if block in data["variables"]:
                 data["variables"][block] = [other]
@@ -290,9 +290,12 @@ def limits(rng: Rng, content: str) -> tuple[str, str]:
     if way == 2 and (bounds := [i for i, line in enumerate(lines) if line.startswith("limit = [")]):
         i = int(pick(rng, bounds))
         values = json.loads(lines[i].removeprefix("limit = "))
-        wide = pick(rng, (1e6, 1e12, 1e15, 1e299, 1e301))
-        lines[i] = f"lower = {[-wide] * len(values)}\nupper = {values}"
-        return "\n".join(lines), f"lower bounds {-wide}"
+        wide, near = pick(rng, (1e6, 1e12, 1e15, 1e299, 1e301)), pick(rng, (0.3, 0.6, 1.0))
+        lines[i] = f"lower = {[-wide] * len(values)}\nupper = {[near * value for value in values]}"
+        return "\n".join(lines), f"lower bounds {-wide}, upper ones times {near}"
+    if way == 3 and "" in lines and rng.random() < 0.3:
+        head = [line for line in lines[: lines.index("")] if not line.startswith("continuity")]
+        return "\n".join([*head, f"continuity = {rng.integers(5)}"]), "nothing but continuity"
     if way == 3:
         lines[i] += pick(rng, ("]", " = 3", "\n[rest]", "\ncontinuity = 3", '\nother = "x"'))
         return "\n".join(lines), f"now {lines[i]!r}"

@@ -11,7 +11,7 @@ import pytest
 
 from ocp_traj import problems
 from ocp_traj.trajectory import Trajectory
-from tests.independent import limits
+from tests.independent import limits, motion
 from tests.independent.check import ORDERS, PROBLEMS, broken, excesses
 from tests.sound import VARIANTS, sound
 
@@ -38,10 +38,10 @@ def test_every_field_of_a_case_is_known_with_its_default(problem: str) -> None:
 
 HEAVY = ("air move, rest",)
 # Limits with symmetric bounds that the audit and this code measure alike.
-SYMMETRIC = (
-    "velocity-limit", "acceleration-limit", "jerk-limit", "snap-limit", "effort-limit", "effort", "force", "torque",
-    "yaw",
-)  # fmt: skip
+SYMMETRIC = {
+    *("velocity-limit", "acceleration-limit", "jerk-limit", "snap-limit"),
+    *("effort-limit", "effort", "force", "torque", "yaw"),
+}
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n in HEAVY else []) for n in VARIANTS])
@@ -157,6 +157,7 @@ BROKEN: list[tuple[str, str, Change]] = [
     ("wrist", "margin", put("case", min_clearance=0.09)),
     ("wrist, far", "far-obstacles", put("case", obstacles=((0.0, 3.0, 0.0, 1.9),))),
     ("wrist, far", "far-obstacles", put("case", min_clearance=3.0)),
+    ("wrist", "obstacles", put("case", min_clearance=3.1, obstacles=((0.0, -0.7, 0.0, 0.6),))),
     ("wrist", "start", put("case", case="open")),
     ("wrist", "start", moved(2, 1e-8, 0, (0,))),
     ("wrist", "goal", put("case", branch="1")),
@@ -204,14 +205,18 @@ BROKEN: list[tuple[str, str, Change]] = [
 
 
 @pytest.mark.parametrize(("name", "limit", "change"), BROKEN, ids=[f"{name}: {limit}" for name, limit, _ in BROKEN])
-def test_a_limit_that_is_broken_is_caught(name: str, limit: str, change: Change) -> None:
+def test_a_limit_that_is_broken_is_caught(
+    name: str, limit: str, change: Change, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(motion, "GRID", 40)  # coarse, for speed
     data = sound(name)
     change(data)
     assert limit in broken(excesses(data))
 
 
-def test_every_limit_is_broken_once() -> None:
+def test_every_limit_is_broken_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the seam's tags one stands for all."""
+    monkeypatch.setattr(motion, "GRID", 1)
     known = {(problem, limit) for problem, limit, _ in BROKEN}
     for name in VARIANTS:
         for limit in excesses(sound(name)):

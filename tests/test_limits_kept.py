@@ -53,24 +53,24 @@ def test_a_solution_keeps_every_limit(name: str, changes: Changes, objective: st
     assert solution.audit is not None and solution.audit.proved and kept(solution.trajectory)
 
 
-GENETIC = {"method": "nsga2", "population": 20, "generations": 15}
+TRACED, GENETIC = {"points": 3, "starts": 1}, {"method": "nsga2", "population": 20, "generations": 15}
 FRONTS = [
-    slow("hybrid-spline", {"convention": "paper-literal"}, ("time", "energy"), {"points": 3}),
-    slow("hybrid-spline", {}, ("time", "jerk"), GENETIC),
-    ("rotor-353", {}, ("time", "effort"), {"points": 3}),
-    slow("rotor-353", {"payload": 10.0, "jerk": (4000.0,) * 6}, ("time", "work"), {"points": 3}),
-    ("rotor-353", {}, ("time", "jerk"), GENETIC),
-    ("wrist-obstacle", {"branch": "0"}, ("time", "clearance"), {"points": 3}),
-    slow("wrist-obstacle", {"branch": "0"}, ("time", "distance"), GENETIC),
-    ("weld-bezier", REST, ("air_time", "movement"), {"points": 3}),
-    slow("weld-bezier", AIR, ("air_time", "movement"), {"points": 3}),
-    slow("weld-bezier", {}, ("air_time", "movement"), {"points": 3}),
+    slow("hybrid-spline", {"convention": "paper-literal"}, ("time", "energy"), TRACED),  # one more in test_front_tracer
+    slow("hybrid-spline", {}, ("time", "energy"), GENETIC),
+    ("rotor-353", {}, ("time", "jerk"), TRACED),
+    slow("rotor-353", {"payload": 10.0, "jerk": (4000.0,) * 6}, ("time", "effort"), TRACED),
+    ("rotor-353", {}, ("time", "effort"), GENETIC),
+    slow("wrist-obstacle", {"branch": "0"}, ("time", "clearance"), TRACED),
+    ("wrist-obstacle", {"branch": "0"}, ("time", "distance"), GENETIC),
+    ("weld-bezier", REST, ("air_time", "movement"), {"points": 2, "starts": 1}),
+    slow("weld-bezier", AIR, ("air_time", "movement"), TRACED),
+    slow("weld-bezier", {}, ("air_time", "movement"), TRACED),
 ]
 
 
 @pytest.mark.parametrize(("name", "changes", "traded", "options"), FRONTS, ids=str)
 def test_a_front_keeps_every_limit(name: str, changes: Changes, traded: tuple[str, str], options: Changes) -> None:
     front = ot.pareto(problems.load(name, **changes), traded, **options)
-    assert len(front) >= 3
+    assert len(front) >= 2
     for i in range(len(front)):
         assert front.audit(i).proved and kept(front.trajectory(i))

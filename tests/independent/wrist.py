@@ -82,16 +82,16 @@ def overlap(q: Array, sphere: Sequence[float], case: Case, clearance: float) -> 
 
     The link is a capsule from the base to the tip. It stays clear by an angle, seen from the base: of a sphere within
     reach it keeps its direction away from the centre's by that angle more than the sphere's half angle; one farther out
-    may grow by that angle, which it cannot beyond a right angle.
+    may grow by that angle. Neither can be had where the angles exceed two right angles, or one.
     """
     centre, radius = np.array(sphere[:3]), sphere[3] + case["link_radius"]
     size = float(np.linalg.norm(centre))
     half, ends = asin(radius / size), tips(q, case["d3"])
     touching = (radius - segment_distance(ends, centre)) / size
-    if within_reach(sphere, case):
-        near = ends @ centre / (size * case["d3"]) - np.cos(half + clearance)
-    elif half + clearance > pi / 2.0:
+    if half + clearance > (pi if within_reach(sphere, case) else pi / 2.0):
         near = np.full(len(q), np.inf)
+    elif within_reach(sphere, case):
+        near = ends @ centre / (size * case["d3"]) - np.cos(half + clearance)
     else:
         near = np.sin(half + clearance) - segment_distance(ends, centre) / size
     return np.maximum(touching, near)
