@@ -157,6 +157,7 @@ class Ipopt:
         options: dict[str, Any] = {
             "print_time": False,
             "error_on_fail": False,
+            "show_eval_warnings": False,  # of steps that lead to no number: IPOPT takes shorter ones
             "expand": nlp.expand,
             "iteration_callback": _AFTER_ITERATION,
             "ipopt": self._settings(bool(multipliers), nlp.options),
