@@ -173,10 +173,11 @@ def _finite(values: Any, what: str, rank: int) -> Array:
 
 
 def _read_control_points(data: dict[str, Any]) -> PiecewiseBezier:
+    durations = _finite(data["durations"], "durations", 1)
     segments = tuple(_finite(points, "control points", 2) for points in data["control_points"])
     for points in segments:
         _check_degree(len(points) - 1)
-    return PiecewiseBezier(_finite(data["durations"], "durations", 1), segments)
+    return PiecewiseBezier(durations, segments)
 
 
 def _check_degree(degree: int) -> None:
