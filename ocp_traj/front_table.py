@@ -21,7 +21,7 @@ def read_front_csv(path: Path) -> pd.DataFrame:
     try:
         table = pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
     except ValueError as error:  # of pandas' parser
-        raise FileFormatError(f"{path} is not a front: {error}") from error
+        raise FileFormatError(f"{path} is not a front: {' '.join(str(error).split())}") from error
     if list(table.columns[:1]) != ["point"] or not {"margin", "verdict"} <= set(table.columns):
         raise FileFormatError(f"{path} is not a front: it has no columns point, margin and verdict")
     if table["point"].tolist() != [str(index) for index in range(len(table))]:

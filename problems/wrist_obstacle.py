@@ -50,6 +50,7 @@ CASES: dict[str, tuple[Point, Point]] = {
     "open": ((-1.0, 1.0, sqrt(2.0)), (1.0, 1.0, sqrt(2.0))),
 }
 REACHED = 0.01  # of d3: how far a start or goal may lie off the tip's sphere, on which it is then put; our choice
+ROOM = 1e-3  # [rad], of the clearance above the least one, even where the ends leave less; our choice
 RESERVE = 2e-9  # [rad], by which a clearance is reported short of what was found, so that it can be proved; our choice
 
 
@@ -95,6 +96,12 @@ class ElHaiek2019:
                     f"obstacle {i} at {obstacle[:3]} with radius {obstacle[3]} reaches the link's base at the "
                     f"origin (link radius {self.link_radius}); no motion could be clear of it: move or shrink it"
                 )
+        for sphere in obstacles(self):
+            if not self.min_clearance + ROOM < sphere.most_clearance:
+                raise InputError(
+                    f"min_clearance is {self.min_clearance} rad; from obstacle {sphere.number} no motion has more than "
+                    f"{sphere.most_clearance:.6g} rad: give less"
+                )
 
     @property
     def ends(self) -> tuple[Point, Point]:
@@ -137,6 +144,11 @@ class Obstacle:
     def within_reach(self) -> bool:
         """Whether the link is as long as the tangents from the base: then it is clear where its direction is."""
         return self.link >= sqrt(self.size**2 - self.radius**2)
+
+    @property
+    def most_clearance(self) -> float:
+        """The clearance of a link that points away from it, or, beyond reach, of one that ends at the base [rad]."""
+        return (pi if self.within_reach else pi / 2.0) - self.half_angle
 
     def depth(self, tip: Array) -> float:
         """How deep the link reaches into it, R less the distance from the centre to the segment from base to tip."""
@@ -236,7 +248,7 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
     worst = {"time": 4.0, "distance": 10.0, "fitness": 14.0}  # worth having; our choice
     if spheres:
         ends = directions(np.array([start, [*goal, 0.0]]))
-        room = max(min(float(_clearance(ends, o).min()) for o in spheres), case.min_clearance + 1e-3)
+        room = max(min(float(_clearance(ends, o).min()) for o in spheres), case.min_clearance + ROOM)
         least, most = np.array([case.min_clearance]), np.array([room])  # no trajectory has more than its ends have
         margin = ("least clearance",)
         variables.append(Variable("margin", least, most, "rad", margin, "our choice", auxiliary_to="clearance"))

@@ -53,7 +53,7 @@ def test_a_solution_keeps_every_limit(name: str, changes: Changes, objective: st
     assert solution.audit is not None and solution.audit.proved and kept(solution.trajectory)
 
 
-TRACED, GENETIC = {"points": 3, "starts": 1}, {"method": "nsga2", "population": 20, "generations": 15}
+TRACED, GENETIC = {"points": 3, "starts": 1}, {"method": "nsga2", "population": 30, "generations": 40}
 FRONTS = [
     slow("hybrid-spline", {"convention": "paper-literal"}, ("time", "energy"), TRACED),  # one more in test_front_tracer
     slow("hybrid-spline", {}, ("time", "energy"), GENETIC),

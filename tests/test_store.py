@@ -384,14 +384,16 @@ def test_a_manifest_of_another_problem_is_refused(run: Path, change: Edit, messa
         (lambda text: text.replace("proved", "fine"), r"has the verdicts \['fine'\]"),
         (lambda text: text.replace("proved", "undecided", 1), "point 0 is undecided; the proof says proved"),
         (lambda text: text.replace(",proved", ",proved,1"), "not a front"),
+        (lambda text: text.replace("\n1,", "\n1,1,1,"), "not a front: Error tokenizing data.* in line 3"),
     ],
 )
 def test_a_damaged_table_is_refused(quintic: Problem, small: Path, change: Callable[[str], str], message: str) -> None:
     text = (small / "front.csv").read_text()
     assert change(text) != text
     (small / "front.csv").write_text(change(text))
-    with pytest.raises(FileFormatError, match=message):
+    with pytest.raises(FileFormatError, match=message) as caught:
         load_run(small, quintic)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -356,6 +356,7 @@ def test_an_obstacle_that_touches_an_end_is_named_with_its_depth() -> None:
         ("case", "shut", "allowed are blocked, open"),
         ("branch", "2", "allowed are best, 0, 1"),
         ("min_clearance", -0.1, "give an angle from 0"),
+        ("min_clearance", 2.5, "from obstacle 1 no motion has more than 2.45"),
         ("weights", (0.0, 0.0), "zero or more and not all zero"),
         ("min_time", 5.0, "is not below max_time"),
     ],
@@ -364,6 +365,14 @@ def test_what_cannot_be_is_refused_in_one_line(field: str, value: Any, words: st
     with pytest.raises(InputError, match=words) as caught:
         problems.load("wrist-obstacle", **{field: value})
     assert "\n" not in str(caught.value)
+
+
+def test_a_clearance_that_no_angle_can_be_is_not_proved_but_refused() -> None:
+    """Beyond a right angle, or two, sines and cosines of the grown half angle fall back to what is met."""
+    for sphere, most in ((FAR, pi / 2.0 - asin(0.35 / 2.2)), ((0.0, -0.7, 0.0, 0.6), pi - asin(0.65 / 0.7))):
+        with pytest.raises(InputError, match=f"obstacle 1 no motion has more than {most:.6g} rad"):
+            problems.load("wrist-obstacle", obstacles=(sphere,), min_clearance=3.1)
+        assert problems.load("wrist-obstacle", obstacles=(sphere,), min_clearance=most - 0.01)
 
 
 def test_the_command_line_says_how_no_obstacle_is_written(capfd: pytest.CaptureFixture[str]) -> None:
