@@ -20,7 +20,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ocp_traj import __version__, api, problems, screen
+from ocp_traj import api, problems, screen
 from ocp_traj.audit import audit as run_audit
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, OcpTrajError, cut, quoted
@@ -38,6 +38,7 @@ from ocp_traj.stopping import exit_code, stopping
 from ocp_traj.store import Run, request
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.verdicts import ALLOWANCE, Audit
+from ocp_traj.version import __version__
 
 DONE, NOT_PROVED, WRONG_INPUT = 0, 1, 2
 MOST = 100_000  # of anything that is counted: our choice, what a machine's memory holds
