@@ -38,7 +38,10 @@ OPTIONS = {  # so that a command takes some 5 to 20 s
 }
 SOLVE, PARETO = ("exchange", "pso", "ga"), ("trace", "nsga2", "mopso", "hmoga")
 PROBLEMS = {"hybrid-spline": ("time", "time,energy"), "wrist-obstacle": ("time", "time,distance")}
-TITLE = f"{'problem':<15} {'command':<7} {'method':<9} {'whole [s]':>9} {'130':>4} {'0':>4} {'kept':>5} {'longest [s]':>11} {'own [s]':>8} faults"
+TITLE = (
+    f"{'problem':<15} {'command':<7} {'method':<9} {'whole [s]':>9} {'130':>4} {'0':>4} {'kept':>5} "
+    f"{'longest [s]':>11} {'own [s]':>8} faults"
+)
 
 
 @dataclass

@@ -14,14 +14,15 @@ import numpy as np
 from ocp_traj import problems
 from ocp_traj.alternatives import best_front
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.errors import InputError, NoSolutionFound, quoted
+from ocp_traj.errors import InputError, NoSolutionFound, cut, quoted
 from ocp_traj.fixed_states import fixed_conflicts
 from ocp_traj.front import Front
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import Status
 from ocp_traj.problem import Decomposition, Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.records import Found, Record, ignore
 from ocp_traj.scalarise import Scalarisation, WeightedSum, check_names
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.branch_and_bound import BranchAndBound, is_certifiable, require_certifiable
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
@@ -317,7 +318,7 @@ def _pareto(
     found: Found, progress: Progress, **options: Any,
 ) -> Front:  # fmt: skip
     if len(objectives) < 2 or len(set(objectives)) != len(objectives):
-        raise InputError(f"a front trades two or more different objectives; got {', '.join(objectives) or 'none'}")
+        raise InputError(f"a front trades two or more different objectives; got {cut(', '.join(objectives)) or 'none'}")
     for name in objectives:
         problem.objective(name)
     if problem.decomposition is not None:
@@ -347,7 +348,7 @@ def _pareto(
     xs = chosen.pareto(problem, objectives)
     interrupted = current().tell()
     if not xs.xs and not interrupted:
-        within = "" if budget is None else f" within its budget of {budget:g} s; give it more"
+        within = "" if budget is None else " within its budget; give it more"
         raise NoSolutionFound(f"{problem.id}: {method} found no point{within}")
     return proved_front(problem, objectives, replace(xs, interrupted=interrupted), keep_unproved)
 

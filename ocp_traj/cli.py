@@ -27,10 +27,11 @@ from ocp_traj.errors import InputError, OcpTrajError, cut, quoted
 from ocp_traj.export import export as run_export
 from ocp_traj.files import LONGEST_PATH, check_writable
 from ocp_traj.limits_file import read_requirements
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import Status
 from ocp_traj.plot import check_picture, plot_trajectory, save_history
 from ocp_traj.problem import Problem
 from ocp_traj.reproduce import reproduce as run_reproduce
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.pareto_set import ENDED_AFTER
 from ocp_traj.solvers.pso import SCHEDULES
 from ocp_traj.stopping import exit_code, stopping
@@ -39,6 +40,7 @@ from ocp_traj.trajectory import Trajectory
 from ocp_traj.verdicts import ALLOWANCE, Audit
 
 DONE, NOT_PROVED, WRONG_INPUT = 0, 1, 2
+MOST = 100_000  # of anything that is counted: our choice, what a machine's memory holds
 LONGEST_USAGE = 500  # of a message about options [characters]: our choice
 
 app = typer.Typer(
@@ -53,8 +55,8 @@ Fields = Annotated[
     list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="Change a field of the case; may be repeated.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
-Population = Annotated[int | None, typer.Option(help="Individuals, of methods with a population.", min=2)]
-Generations = Annotated[int | None, typer.Option(help="Generations or iterations of a population.", min=1)]
+Population = Annotated[int | None, typer.Option(help="Individuals, of methods with a population.", min=2, max=MOST)]
+Generations = Annotated[int | None, typer.Option(help="Generations or iterations of a population.", min=1, max=MOST)]
 Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
 
 
@@ -104,7 +106,8 @@ def solve(
     set_: Fields = None,
     method: Annotated[str, typer.Option(help=f"One of: {', '.join(api.SOLVE_METHODS)}.")] = "exchange",
     starts: Annotated[
-        int | None, typer.Option(help="Random starts, the best counts; the problem's own number if not given.", min=1)
+        int | None,
+        typer.Option(help="Random starts, the best counts; the problem's own number if not given.", min=1, max=MOST),
     ] = None,
     all_optima: Annotated[bool, typer.Option(help="List every distinct local optimum that a start ends in.")] = False,
     population: Population = None,
@@ -168,7 +171,7 @@ def pareto(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN", help="Folder to write the run to.")],
     method: Annotated[str, typer.Option(help=f"One of: {', '.join(api.METHODS)}.")] = "trace",
     points: Annotated[
-        int | None, typer.Option(help="Points to trace, or of hmoga to refine; 40 if not given.", min=2)
+        int | None, typer.Option(help="Points to trace, or of hmoga to refine; 40 if not given.", min=2, max=MOST)
     ] = None,
     population: Population = None,
     generations: Generations = None,
@@ -250,7 +253,7 @@ def payload(
         float | None, typer.Option(metavar="S", help="Of all trajectories within this time [s].")
     ] = None,
     set_: Fields = None,
-    starts: Annotated[int, typer.Option(help="Random starts of the joint problem.", min=1)] = 2,
+    starts: Annotated[int, typer.Option(help="Random starts of the joint problem.", min=1, max=MOST)] = 2,
     seed: Seed = 0,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Write the trajectory that carries it (JSON).")
@@ -316,7 +319,8 @@ def audit(
 def reproduce(
     problem: ProblemName,
     seeds: Annotated[
-        int | None, typer.Option(help="Runs of stochastic methods; as many as the claims need if not given.", min=1)
+        int | None,
+        typer.Option(help="Runs of stochastic methods; as many as the claims need if not given.", min=1, max=MOST),
     ] = None,
     json: AsJson = False,
 ) -> None:
@@ -469,6 +473,9 @@ def _run(arguments: Sequence[str] | None) -> int:
         return exit_code()
     except typer.Exit as stop:
         return int(stop.exit_code)
+    except MemoryError:
+        screen.say("error: this machine has not enough memory for that; ask for less")
+        return NOT_PROVED
     except usage_error as error:
         words = error.format_message() if hasattr(error, "format_message") else str(error)
         if words:

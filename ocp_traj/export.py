@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
@@ -42,7 +43,7 @@ def export(source: str | Path, format: str, destination: str | Path, *, samples:
     origin, target = Path(source), Path(destination)
     if format not in FORMATS:
         raise InputError(f"there is no export format {quoted(format)}; formats are {', '.join(FORMATS)}")
-    if Path(source).resolve() == Path(destination).resolve():
+    if os.path.realpath(source) == os.path.realpath(destination):
         raise InputError(f"the export would overwrite its source {source}; give another file")
     if not 2 <= samples <= MOST_SAMPLES:
         raise InputError(f"a trajectory is sampled at {samples} times; give 2 to {MOST_SAMPLES}")

@@ -46,8 +46,11 @@ def _content(path: str | Path, shown: str) -> bytes:
         content, ready = bytearray(), select.poll()
         ready.register(handle, select.POLLIN)
         while len(content) <= LARGEST:
-            ready.poll()
-            more = os.read(handle, CHUNK)
+            try:
+                more = os.read(handle, CHUNK)
+            except BlockingIOError:  # a pipe with a writer that has not written yet
+                ready.poll()
+                continue
             if not more:
                 break
             content += more

@@ -17,7 +17,7 @@ from ocp_traj.requirements import PathConstraint, Requirements, state_function
 
 if TYPE_CHECKING:
     from ocp_traj.motion import Motion
-    from ocp_traj.nlp import Conflict
+    from ocp_traj.rows import Conflict
 
 Array = NDArray[np.float64]
 

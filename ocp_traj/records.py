@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 
 from ocp_traj.files import plain
 from ocp_traj.front import Front
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import Status
 from ocp_traj.scalarise import Scalarisation
+from ocp_traj.solution import Solution
 from ocp_traj.verdicts import PROVED
 
 SOLVE, POPULATION, FRONT = "solve", "population", "front"

@@ -314,8 +314,8 @@ class Requirements:
     @property
     def ids(self) -> list[str]:
         """Ids of all limits."""
-        limits = (*self.path_constraints, *self.point_constraints, *self.duration_constraints)
-        return [limit.id for limit in limits]
+        groups = (self.path_constraints, self.point_constraints, self.duration_constraints)
+        return [limit.id for group in groups for limit in group]
 
     def function(self, limit: PathConstraint | PointConstraint) -> Any:
         """The limit's compiled expression, built once; see ``state_function``."""

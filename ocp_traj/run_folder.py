@@ -35,7 +35,7 @@ def check_target(folder: str | Path, force: bool = False) -> Path:
     An existing run folder needs ``force``; a folder that holds files but no ``run.json`` is never replaced.
     """
     try:
-        target = Path(folder).resolve()
+        target = Path(os.path.realpath(folder))  # resolve() raises on loops of links
         if target.exists():
             _check_replaceable(Path(folder), target, force)
         above = next(parent for parent in target.parents if parent.exists())
@@ -88,7 +88,7 @@ class RunFolder:
         self._lock, checked = -1, False
         self._made: list[Path] = []
         try:
-            self.root = Path(folder).resolve()
+            self.root = Path(os.path.realpath(folder))  # resolve() raises on loops of links
             if (self.root / _LOCK).exists():
                 self._take(folder)
             check_target(folder, force)

@@ -23,6 +23,7 @@ from ocp_traj.front import Front
 from ocp_traj.front_table import read_front_csv
 from ocp_traj.journal import records
 from ocp_traj.problem import Problem
+from ocp_traj.provenance import AGREE
 from ocp_traj.records import FRONT, POPULATION, SOLVE, Record, usable
 from ocp_traj.run_folder import JOURNAL, MANIFEST, TABLE, TRAJECTORIES
 from ocp_traj.solvers.pareto_set import ParetoSet, proved_front
@@ -33,7 +34,6 @@ from ocp_traj.trajectory import Trajectory, case_fields
 Array = NDArray[np.float64]
 
 WITHOUT_JOURNAL = "ocp-traj/run/1"
-AGREE = 1e-6  # relative, by which a file may differ from what is computed: far above what others round differently
 
 
 def load_run(folder: str | Path, problem: Problem | None = None) -> Front:

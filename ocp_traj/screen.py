@@ -21,15 +21,15 @@ from ocp_traj import progress as progress_module
 from ocp_traj.errors import cut
 from ocp_traj.files import plain
 from ocp_traj.front import Front, Hypervolume
-from ocp_traj.nlp import Solution
 from ocp_traj.objective import rule_name
 from ocp_traj.problem import Problem
 from ocp_traj.reproduce import Reproduction
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.payload import LargestPayload
 from ocp_traj.verdicts import CHECKED, Audit, AuditRow
 
 WIDE = 160  # columns of a table that does not go to a terminal
-LONGEST_MESSAGE = 4000  # [characters]: our choice
+LONGEST_MESSAGE = 2000  # [characters]: our choice
 MOST_VARIABLES, SMALL_BLOCK = 60, 4  # with more than the one, only blocks up to the other are printed: our choice
 
 Rows = tuple[str, Sequence[str], Sequence[Sequence[Any]]]  # title, column names, rows

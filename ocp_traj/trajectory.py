@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 FORMAT = "ocp-traj/trajectory/1"
 SAMPLES_FORMAT = "ocp-traj/samples/1"
 SPLINE_FORMAT = "ocp-traj/spline/1"
+HIGHEST_DEGREE = 60  # of a file's segments: our choice; of higher ones rounding leaves nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,10 +173,16 @@ def _finite(values: Any, what: str, rank: int) -> Array:
 
 
 def _read_control_points(data: dict[str, Any]) -> PiecewiseBezier:
-    return PiecewiseBezier(
-        _finite(data["durations"], "durations", 1),
-        tuple(_finite(points, "control points", 2) for points in data["control_points"]),
-    )
+    durations = _finite(data["durations"], "durations", 1)
+    segments = tuple(_finite(points, "control points", 2) for points in data["control_points"])
+    for points in segments:
+        _check_degree(len(points) - 1)
+    return PiecewiseBezier(durations, segments)
+
+
+def _check_degree(degree: int) -> None:
+    if degree > HIGHEST_DEGREE:
+        raise ValueError(f"a segment is of degree {degree}; allowed are degrees up to {HIGHEST_DEGREE}")
 
 
 def _read_samples(data: dict[str, Any]) -> PiecewiseBezier:
@@ -192,6 +199,7 @@ def _read_spline(data: dict[str, Any]) -> PiecewiseBezier:
     for duration, powers in zip(durations, data["coefficients"], strict=True):
         coefficients = _finite(powers, "coefficients", 2)
         degree = len(coefficients) - 1
+        _check_degree(degree)
         # B_i = sum_j C(i, j) / C(n, j) c_j T^j; Farin (2002), sect. 5.8.
         scaled = coefficients * (duration ** np.arange(degree + 1))[:, None]
         change = np.array([[_ratio(i, j, degree) for j in range(degree + 1)] for i in range(degree + 1)])

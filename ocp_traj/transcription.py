@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.local_derivatives import Lifted
-from ocp_traj.nlp import NLP, Row
+from ocp_traj.nlp import NLP
 from ocp_traj.objective import Objective
 from ocp_traj.problem import Problem
 from ocp_traj.requirements import PathConstraint, PointConstraint
+from ocp_traj.rows import Row
 from ocp_traj.scalarise import Scalarisation, check_names
 from ocp_traj.symbolic import (
     SymbolicCurve,

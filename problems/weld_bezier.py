@@ -300,7 +300,7 @@ def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstr
         case, machine, variables, curve, (*limits, *tracked),
         (_rest_constraint("start", (0, 0.0), home), _rest_constraint("end", (-1, 1.0), home)),
         guess, "a tubular seam" if not case.seam_file else "a seam",
-        durations=(DurationConstraint("weld-time", tuple(range(1, tags)), weld, weld, "our choice"),),
+        durations=(DurationConstraint("weld-time", tuple(range(1, tags)), *[np.array(weld)] * 2, "our choice"),),
         curve_kind=f"nonic Bezier, approach, {tags - 1} pieces of the seam, retract",
         reference_point={"air_time": 12.0, "effort": 12.0, "movement": 25.0},
         instants={"tcp": _nodes(10), "tilt": _nodes(4), "snap-limit": _extremes(7)},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, radians
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,8 @@ from ocp_traj.robot import Robot
 from ocp_traj.seam import Seam
 from ocp_traj.tracking import Fit, fit_path, perpendicular, pose_function
 
-if TYPE_CHECKING:
-    from ocp_traj.problems.weld_bezier import Ogbemhe2019
-
 Array = NDArray[np.float64]
+Case = Any  # the paper's, which is built on this file: no import can name it
 
 JOINTS = kr90.JOINTS
 SINGULAR = 1e-2  # least singular value of a tag's Jacobian (place [m] and torch's axis); our choice
@@ -43,7 +41,7 @@ class Start:
     air: tuple[float, float]
 
 
-def find_start(machine: Robot, path: Seam, case: Ogbemhe2019) -> Start:
+def find_start(machine: Robot, path: Seam, case: Case) -> Start:
     """The seam in pieces, the arm fitted to it from home and from home's other wrist postures, the quickest of them.
 
     Raises ``InputError``, with the worst tag and the reason, where no posture follows the seam.
@@ -78,7 +76,7 @@ def find_start(machine: Robot, path: Seam, case: Ogbemhe2019) -> Start:
     return min(reached, key=lambda s: sum(s.air))
 
 
-def least_time(start: Array, end: Array, case: Ogbemhe2019) -> float:
+def least_time(start: Array, end: Array, case: Case) -> float:
     """Least duration [s] of a nonic between two states ``(5, 6)``, to 2 %, at which the limits up to snap hold."""
     limits = [np.radians(v) for v in (kr90.VELOCITY, kr90.ACCELERATION, kr90.JERK, kr90.SNAP)]
     for duration in np.geomspace(case.min_air_time, case.max_air_time, 200):
@@ -97,7 +95,7 @@ def at_rest(q: Array) -> Array:
     return np.concatenate([q[None], np.zeros((4, 6))])
 
 
-def _obstruction(machine: Robot, cut: Pieces, fit: Fit, case: Ogbemhe2019) -> str:
+def _obstruction(machine: Robot, cut: Pieces, fit: Fit, case: Case) -> str:
     """Why a fit does not follow the seam, by its worst tag; empty where it does."""
     pose = pose_function(machine)
     low, high = np.radians(kr90.POSITION)
@@ -139,7 +137,7 @@ def _obstruction(machine: Robot, cut: Pieces, fit: Fit, case: Ogbemhe2019) -> st
     return ""
 
 
-def _wrist_distance(place: Array, axis: Array, case: Ogbemhe2019) -> float:
+def _wrist_distance(place: Array, axis: Array, case: Case) -> float:
     """Least distance of the wrist's centre from A2 [m] over all spins of a torch at a place, along an axis."""
     side = perpendicular(axis / np.linalg.norm(axis))
     best = np.inf

@@ -32,11 +32,11 @@ from ocp_traj.chain import AxisJoint, LinkInertia
 from ocp_traj.curves import quartic_quintic
 from ocp_traj.errors import InputError
 from ocp_traj.limits import Limits
-from ocp_traj.nlp import Conflict
 from ocp_traj.objective import Objective
 from ocp_traj.problem import Problem, Variable
 from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
 from ocp_traj.robot import Robot
+from ocp_traj.rows import Conflict
 
 Array = NDArray[np.float64]
 Point = tuple[float, float, float]

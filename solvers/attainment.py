@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.records import Found, ignore, of_solve
 from ocp_traj.scalarise import GoalAttainment
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.repair import slow_down
 from ocp_traj.stopping import STOPS, current, stopping

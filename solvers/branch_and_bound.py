@@ -37,11 +37,11 @@ from scipy.optimize import nnls
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 from ocp_traj.evaluate import limit_on
-from ocp_traj.nlp import Certificate, Solution
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.requirements import ORDERS, PathConstraint
 from ocp_traj.scalarise import Scalarisation
+from ocp_traj.solution import Certificate, Solution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.stopping import STOPS, Stopping, stopping
 from ocp_traj.symbolic import variables_function

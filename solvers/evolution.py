@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from pymoo.core.problem import Problem as PymooProblem
 
 from ocp_traj.errors import InputError, NoSolutionFound
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import Status
 from ocp_traj.population import Population
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress
 from ocp_traj.records import Found, ignore, of_population
 from ocp_traj.scalarise import Scalarisation
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.pareto_set import ENDED_AFTER, ParetoSet
 from ocp_traj.solvers.repair import slow_down
 from ocp_traj.solvers.scaling import TimeScaling

@@ -17,11 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.nlp import NLP, Row, Solution, Status
+from ocp_traj.nlp import NLP, NLPResult, Status
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.requirements import PathConstraint
+from ocp_traj.rows import Row
 from ocp_traj.scalarise import Scalarisation
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.incumbent import no_worse_than
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.peaks import along, frozen, where
@@ -85,7 +87,7 @@ class Exchange:
         scalarisation: Scalarisation,
         x0: Array,
         warm: Solution | None = None,
-        opened: Solution | None = None,
+        opened: NLPResult | None = None,
     ) -> Solution:
         """Solves from ``x0 (n,)``; never worse than a point that was known before and is proved.
 
@@ -120,7 +122,7 @@ class Exchange:
         scalarisation: Scalarisation,
         x0: Array,
         warm: Solution | None,
-        opened: Solution | None,
+        opened: NLPResult | None,
         proved: list[Solution],
         begun: float,
     ) -> Solution:
@@ -136,17 +138,17 @@ class Exchange:
             follows = any(instant.moves for instant in instants)
             limit = min(self.solver.max_iter, WARM_ITERATIONS) if follows else self.solver.max_iter
             if number == 1 and opened is not None:
-                solution = opened
+                result = opened
             else:
-                solution = replace(self.solver, max_iter=limit).solve(nlp, start, warm)
-            iterations += solution.iterations
-            if solution.status is not Status.SOLVED and (follows or warm is not None):
+                result = replace(self.solver, max_iter=limit).solve(nlp, start, warm)
+            iterations += result.iterations
+            if result.status is not Status.SOLVED and (follows or warm is not None):
                 # Multipliers, or an instant that races along a flat peak, can mislead: once more without either.
                 instants = [frozen(instant, x) for instant in instants]
                 nlp = transcribe(problem, scalarisation, instants, back_off)
-                solution = self.solver.solve(nlp, start)
-                iterations += solution.iterations
-            solution = replace(solution, iterations=iterations, rounds=number, instants=tuple(instants))
+                result = self.solver.solve(nlp, start)
+                iterations += result.iterations
+            solution = Solution.of(result, iterations=iterations, rounds=number, instants=tuple(instants))
             if not solution.ok:
                 solution = replace(solution, seconds=time.perf_counter() - begun)
                 break

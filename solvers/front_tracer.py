@@ -23,12 +23,13 @@ from pymoo.util.ref_dirs import get_reference_directions
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import Status
 from ocp_traj.population import Population
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.records import Found, ignore, of_solve
 from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.pareto_set import ENDED_AFTER, ParetoSet

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import Status
 from ocp_traj.problem import Problem
 from ocp_traj.scalarise import Scalarisation, value_of
+from ocp_traj.solution import Solution
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import audit_points
 

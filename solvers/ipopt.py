@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
-from ocp_traj.nlp import NLP, Conflict, Row, Solution, Status
+from ocp_traj.nlp import NLP, NLPResult, Status
+from ocp_traj.rows import Conflict, Row
 from ocp_traj.stopping import current, stopping
 
 Array = NDArray[np.float64]
@@ -101,7 +102,7 @@ class Ipopt:
             raise InputError(f"linear solver {self.linear_solver!r}; allowed are {', '.join(LINEAR_SOLVERS)}")
 
     @one_blas_thread
-    def solve(self, nlp: NLP, x0: Array, warm: Solution | None = None) -> Solution:
+    def solve(self, nlp: NLP, x0: Array, warm: NLPResult | None = None) -> NLPResult:
         """Solves an NLP from ``x0 (n,)``; Ctrl-C raises ``KeyboardInterrupt`` after the iteration it comes in.
 
         Args:
@@ -149,13 +150,14 @@ class Ipopt:
             }
         return settings | dict(wanted) | dict(self.options)
 
-    def _run(self, nlp: NLP, x0: Array, warm: Solution | None, begun: float) -> Solution:
+    def _run(self, nlp: NLP, x0: Array, warm: NLPResult | None, begun: float) -> NLPResult:
         multipliers: dict[str, Array] = {}
         if warm is not None and warm.bound_multipliers is not None and len(warm.bound_multipliers) == len(x0):
             multipliers = {"lam_x0": warm.bound_multipliers, "lam_g0": matched_multipliers(nlp, warm)}
         options: dict[str, Any] = {
             "print_time": False,
             "error_on_fail": False,
+            "show_eval_warnings": False,  # of steps that lead to no number: IPOPT takes shorter ones
             "expand": nlp.expand,
             "iteration_callback": _AFTER_ITERATION,
             "ipopt": self._settings(bool(multipliers), nlp.options),
@@ -183,7 +185,7 @@ class Ipopt:
             status = Status.FAILED
         elif status in _STOPPED and violation <= self.feasibility:
             status = Status.FEASIBLE
-        return Solution(
+        return NLPResult(
             name=nlp.name,
             x=x,
             f=float(result["f"]),
@@ -250,6 +252,6 @@ class Ipopt:
         return tuple(sorted(found.values(), key=lambda c: -c.excess / c.row.scale))
 
 
-def matched_multipliers(nlp: NLP, warm: Solution) -> Array:
+def matched_multipliers(nlp: NLP, warm: NLPResult) -> Array:
     """Multipliers of an earlier solution for the rows of a new NLP: zero for rows that are new."""
     return np.array([warm.multipliers.get(row, 0.0) for row in nlp.rows])

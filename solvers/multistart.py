@@ -10,17 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.nlp import NLP, Solution, Status
+from ocp_traj.nlp import NLP, NLPResult, Status
 from ocp_traj.optima import distinct, with_sampled
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.scalarise import Scalarisation, WeightedSum
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.incumbent import no_worse_than
 from ocp_traj.stopping import STOPS, stopping
 
 Array = NDArray[np.float64]
-_Pair = tuple[Solution, Solution]  # of a first NLP, and what it led to
+_Pair = tuple[NLPResult, Solution]  # of a first NLP, and what it led to
 
 SOLVES = 2  # of each start when all optima are wanted
 NARROW = {"mu_init": 1e-6, "bound_push": 1e-8, "bound_frac": 1e-8}  # our choice: IPOPT's own are 0.1, 0.01, 0.01

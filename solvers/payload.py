@@ -18,9 +18,9 @@ from ocp_traj.audit import audit_all
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.fixed_states import fixed_values
-from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.scalarise import EpsilonConstraint
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.multistart import Multistart
 from ocp_traj.stopping import current
 from ocp_traj.trajectory import Trajectory

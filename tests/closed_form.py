@@ -11,10 +11,11 @@ import numpy.typing as npt
 from scipy.interpolate import BPoly, CubicSpline
 
 from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.nlp import NLP, Row
+from ocp_traj.nlp import NLP
 from ocp_traj.objective import Objective, gauss
 from ocp_traj.problem import Problem, Variable
 from ocp_traj.requirements import SWEEP, PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.rows import Row
 
 Array = npt.NDArray[np.float64]
 

@@ -10,11 +10,12 @@ from numpy.testing import assert_array_equal
 
 from ocp_traj import problems
 from ocp_traj.audit import audit
-from ocp_traj.nlp import NLP, Solution, Status
+from ocp_traj.nlp import NLP, Status
 from ocp_traj.objective import Objective
 from ocp_traj.problem import Problem
 from ocp_traj.requirements import PathConstraint
 from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation, WeightedSum
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.multistart import Multistart

@@ -9,9 +9,10 @@ from numpy.testing import assert_array_equal
 from ocp_traj.audit import audit_all
 from ocp_traj.errors import InputError, NoSolutionFound, UnknownName
 from ocp_traj.front import Front
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import Status
 from ocp_traj.problem import Problem
 from ocp_traj.scalarise import EpsilonConstraint, Scalarisation
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
 from ocp_traj.solvers.multistart import Multistart

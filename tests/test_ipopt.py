@@ -12,9 +12,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from ocp_traj.errors import InputError, NoSolutionFound
-from ocp_traj.nlp import NLP, Solution, Status
+from ocp_traj.nlp import NLP, Status
 from ocp_traj.problem import Problem
 from ocp_traj.scalarise import WeightedSum
+from ocp_traj.solution import Solution
 from ocp_traj.solvers import ipopt
 from ocp_traj.solvers.ipopt import Ipopt, matched_multipliers
 from ocp_traj.transcription import few_instants, transcribe

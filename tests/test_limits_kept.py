@@ -6,7 +6,7 @@ import pytest
 
 import ocp_traj as ot
 from ocp_traj import problems
-from ocp_traj.nlp import Solution
+from ocp_traj.solution import Solution
 from ocp_traj.trajectory import Trajectory
 from tests.independent.check import broken, excesses
 

@@ -11,10 +11,10 @@ import pytest
 
 from ocp_traj import problems
 from ocp_traj.errors import InputError
-from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.provenance import AGREE, audit_motions, recovered_variables
 from ocp_traj.scalarise import WeightedSum
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.payload import along
 from ocp_traj.trajectory import Trajectory, audit_points

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from ocp_traj.files import plain
-from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.records import Record, of_solve
 from ocp_traj.run_reader import load_run
 from ocp_traj.scalarise import EpsilonConstraint, WeightedSum
+from ocp_traj.solution import Solution
 from ocp_traj.solvers import evolution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer

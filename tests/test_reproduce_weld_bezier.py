@@ -13,7 +13,6 @@ from scipy.interpolate import BPoly
 from ocp_traj import api, problems
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.comparison import Sheet
-from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.reproduce import reproduce
 from ocp_traj.reproductions import weld_bezier as module
@@ -40,6 +39,7 @@ from ocp_traj.reproductions.weld_bezier_tables import (
     shortest,
     table_2,
 )
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory

@@ -15,11 +15,12 @@ from ocp_traj import problems
 from ocp_traj.cli import run
 from ocp_traj.curves import polynomial_353
 from ocp_traj.errors import InputError, ProblemDefinitionError
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import Status
 from ocp_traj.problem import Problem
 from ocp_traj.problems import rotor_353 as paper
 from ocp_traj.robot import Robot
 from ocp_traj.scalarise import WeightedSum
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory, trajectory_of

@@ -11,11 +11,12 @@ from numpy.testing import assert_allclose
 from ocp_traj import api, problems, screen
 from ocp_traj.audit import audit
 from ocp_traj.errors import InputError
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import Status
 from ocp_traj.problems import kr90, weld_start
 from ocp_traj.problems.weld_bezier import Ogbemhe2019, start
 from ocp_traj.problems.weld_start import least_time
 from ocp_traj.seam import Placement, TubeSeam
+from ocp_traj.solution import Solution
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory, trajectory_of
 from tests.independent.case import complete

@@ -13,12 +13,12 @@ from scipy.optimize import minimize_scalar
 from ocp_traj import api, problems
 from ocp_traj.comparison import Reproduction, Run, Sheet, rounding_effect
 from ocp_traj.curves import polynomial_353
-from ocp_traj.nlp import Solution
 from ocp_traj.problems import rotor_353 as paper
 from ocp_traj.progress import Progress
 from ocp_traj.reproductions.rotor_353_errata import MISPRINTS, equation_errata, turn
 from ocp_traj.reproductions.rotor_353_limits import closest_phases
 from ocp_traj.reproductions.rotor_353_swarms import swarms
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.pso import SCHEDULES
 
 Array = NDArray[np.float64]

@@ -19,12 +19,12 @@ from ocp_traj import api, problems
 from ocp_traj.comparison import Reproduction, Run, Sheet, named_objectives
 from ocp_traj.errors import NoSolutionFound
 from ocp_traj.front import Front
-from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.problems import kr90
 from ocp_traj.progress import Progress
 from ocp_traj.reproductions.weld_bezier_errata import equation_errata
 from ocp_traj.reproductions.weld_bezier_tables import GENERATIONS, POPULATION, TABLE_7, durations, outside, table_2
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.elitism import ControlledElitism
 from ocp_traj.solvers.evolution import Vectorised, evolve, front_of
 from ocp_traj.solvers.front_tracer import FrontTracer

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from ocp_traj import api, problems
 from ocp_traj.comparison import Reproduction, Run, Sheet, named_objectives
 from ocp_traj.errors import NoSolutionFound
-from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress
 from ocp_traj.reproductions.wrist_obstacle_errata import equation_errata, later_start, misses
 from ocp_traj.scalarise import WeightedSum
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.ga import GA
 from ocp_traj.symbolic import evaluate_objectives
