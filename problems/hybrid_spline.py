@@ -24,6 +24,7 @@ import casadi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ocp_traj import standard
 from ocp_traj.case import check, choice, number, numbers
 from ocp_traj.chain import AxisJoint, DHRow, LinkInertia
 from ocp_traj.curves import cubic_spline_free_ends
@@ -31,7 +32,7 @@ from ocp_traj.errors import InputError
 from ocp_traj.limits import Limits
 from ocp_traj.objective import MIDPOINT, TRAPEZOID, Objective
 from ocp_traj.problem import Problem, Variable
-from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.requirements import PathConstraint, Requirements, State
 from ocp_traj.robot import ActuatorMap, Robot
 
 Array = NDArray[np.float64]
@@ -251,29 +252,15 @@ def build(case: Guo2016 | None = None) -> Problem:
         h = np.clip(h, lower, case.max_interval)
         return np.append(h, rng.uniform(0.0, min(10.0, case.max_payload))) if case.free_payload else h
 
-    kinds = (
-        ("position", "(118)", ""),
-        ("velocity", "(119)", "/s"),
-        ("acceleration", "(120)", "/s2"),
-        ("jerk", "(121)", "/s3"),
-    )
-    limits = []
-    for order, (name, eq, per) in enumerate(kinds):
-        lower_bound, upper_bound = getattr(LIMITS, name)
-        units = tuple(unit + per for unit in UNITS)
-        limits.append(PathConstraint.on_derivative(f"{name}-limit", order, lower_bound, upper_bound, units, JOINTS, eq))
-    weakest, strongest = LIMITS.effort
-    forces = ("F1", "F2", "F3", "tau4", "tau5")
-    limits.append(PathConstraint("force", force, weakest, strongest, machine.effort_units, forces, "(122)"))
+    kinds = {"position": "(118)", "velocity": "(119)", "acceleration": "(120)", "jerk": "(121)"}
     yaw = np.array([L1])
-    limits.append(PathConstraint("yaw", lambda s: s.q[1] - s.q[0], -yaw, yaw, ("m",), ("X_S2 - X_S1",), "below (4)"))
-    rest = PointConstraint(
-        "rest", lambda s: casadi.vertcat(s.v, s.a), ((0, 0.0), (-1, 1.0)), np.zeros(10), np.zeros(10),
-        tuple(f"{u}/s" for u in UNITS) + tuple(f"{u}/s2" for u in UNITS),
-        tuple(f"v {j}" for j in JOINTS) + tuple(f"a {j}" for j in JOINTS), "sect. 3.2", structural=True,
-    )  # fmt: skip
+    limits = (
+        *standard.joint_limits(LIMITS, JOINTS, UNITS, kinds),
+        standard.effort_limit(force, LIMITS.effort, machine.effort_units, ("F1", "F2", "F3", "tau4", "tau5"), "(122)"),
+        PathConstraint("yaw", lambda s: s.q[1] - s.q[0], -yaw, yaw, ("m",), ("X_S2 - X_S1",), "below (4)"),
+    )
     knots = ((0, 0.0), *((k, 0.0) for k in range(2, 11)), (-1, 1.0))
-    via = PointConstraint("via", lambda s: s.q, knots, points, points, UNITS, JOINTS, "(127)", structural=True)
+    ends = standard.rest(JOINTS, UNITS, eq="sect. 3.2"), standard.via_points(points, knots, JOINTS, UNITS, "(127)")
     return Problem(
         id="hybrid-spline",
         title="5-DOF hybrid robot, cubic splines, payload",
@@ -287,7 +274,7 @@ def build(case: Guo2016 | None = None) -> Problem:
         objectives=tuple(objectives),
         default_objective="cost",
         reference_point={"time": 8.0, "energy": 6000.0, "jerk": 100.0, "acceleration": 5.0},
-        requirements=Requirements(JOINTS, UNITS, tuple(limits), (rest, via), ("payload",), continuity=2),
+        requirements=Requirements(JOINTS, UNITS, limits, ends, ("payload",), continuity=2),
         guess=guess,
         dilate=lambda x, s: np.concatenate([np.asarray(x)[:12] * s, np.asarray(x)[12:]]),
     )

@@ -96,7 +96,7 @@ def test_a_position_beyond_the_yaw_range_is_refused() -> None:
 def test_forces_equal_pinocchios_through_the_actuator_map(convention: str, payload: float) -> None:
     problem = problems.load("hybrid-spline", convention=convention, payload=payload)
     machine = HybridRobot(payload, literal=convention == "paper-literal")
-    force = next(limit for limit in problem.requirements.path_constraints if limit.id == "force")
+    force = next(limit for limit in problem.requirements.path_constraints if limit.id == "effort-limit")
     function = problem.requirements.function(force)
     rng = np.random.default_rng(1)
     for _ in range(200):
@@ -229,7 +229,7 @@ def test_limits_are_table_2(hybrid: Problem) -> None:
         ("velocity-limit", [0.25, 0.25, 0.25, 1.96, 1.96]),
         ("acceleration-limit", [5.0, 5.0, 5.0, 60.0, 60.0]),
         ("jerk-limit", [100.0, 100.0, 100.0, 1200.0, 1200.0]),
-        ("force", FORCE),
+        ("effort-limit", FORCE),
     ):
         assert_allclose(limits[name].upper, bound, rtol=1e-15)
         assert_allclose(limits[name].lower, -np.array(bound), rtol=1e-15)

@@ -130,7 +130,7 @@ def vertical_product(motion: Trajectory) -> float:
 def energies(problem: Problem) -> tuple[float, float]:
     """z2 at Table 7 with a problem's payload: |U||v| summed over joints after squaring, and before."""
     motion = trajectory_of(problem, paper.TABLE_7)
-    limit = next(c for c in problem.requirements.path_constraints if c.id == "force")
+    limit = next(c for c in problem.requirements.path_constraints if c.id == "effort-limit")
     after = before = 0.0
     for k, h in enumerate(paper.TABLE_7):
         force = limit_on(motion, problem.requirements, limit, k, [0.0, 1.0])
