@@ -208,15 +208,15 @@ def pareto(
                     chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
                     found=kept.found, progress=progress, **options,
                 )  # fmt: skip
+            if len(front):
+                volume = front.hypervolume(*corners)
+                folder = kept.finish(front, volume)
+            else:
+                kept.discard()
         except (OcpTrajError, KeyboardInterrupt):
             if kept.holds_points:
                 screen.say(f"what was found until then is kept: {output}")
             raise
-        if not len(front):
-            kept.discard()
-        else:
-            volume = front.hypervolume(*corners)
-            folder = kept.finish(front, volume)
     if not len(front) and front.info.get("interrupted"):
         screen.say("interrupted before the first point was found; nothing is written")
         return INTERRUPTED

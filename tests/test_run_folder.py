@@ -38,7 +38,6 @@ def write_new(root: Path, *found: dict[str, Any]) -> RunFolder:
     (root / "run.json").write_text("new")
     for record in found:
         journal.append(record)
-    journal.close()
     return folder
 
 
