@@ -217,21 +217,23 @@ def pareto(
                         chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
                         found=kept.found, progress=progress, **options,
                     )  # fmt: skip
+                if len(front):
+                    volume = front.hypervolume(*corners)
+                    folder = kept.finish(front, volume)
+                else:
+                    kept.discard()
             except (OcpTrajError, KeyboardInterrupt):
                 if kept.holds_points:
                     screen.say(f"what was found until then is kept: {output}")
                 raise
-            if not len(front):
-                kept.discard()
-                if stop.interrupted:
-                    return _interrupted("before the first point was found; nothing is written")
-                screen.say(
-                    f"{chosen.id}: {method} found no proved point ({front.info['dropped']}); --keep-unproved keeps the "
-                    "others"
-                )
-                return NOT_PROVED
-            volume = front.hypervolume(*corners)
-            folder = kept.finish(front, volume)
+        if not len(front):
+            if stop.interrupted:
+                return _interrupted("before the first point was found; nothing is written")
+            screen.say(
+                f"{chosen.id}: {method} found no proved point ({front.info['dropped']}); --keep-unproved keeps the "
+                "others"
+            )
+            return NOT_PROVED
         screen.show(screen.front_sheet(front, volume, folder), json)
         for words in screen.front_remarks(front):
             screen.say(words)

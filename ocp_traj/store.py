@@ -112,15 +112,13 @@ class Run:
 
     def discard(self) -> None:
         """Leaves nothing of this run, and brings back the one that it was to replace; not once a point is proved."""
-        self._journal.close()
         if self._proved:
-            self._place.close()
+            self.close()
         else:
             self._place.discard()
 
     def close(self) -> None:
         """Leaves the folder as it is."""
-        self._journal.close()
         self._place.close()
 
     def _append(self, record: Record) -> None:

@@ -178,7 +178,7 @@ BROKEN: list[tuple[str, str, Change]] = [
     ("air move", "jerk-limit", timed(0.6)),
     ("air move", "snap-limit", timed(0.6)),
     ("air move", "effort-limit", put("case", payload=700.0)),
-    ("air move", "effort-limit", lambda data: (put("case", payload=5000.0, as_printed=True)(data), timed(0.1)(data))[0]),
+    ("air move", "effort-limit", lambda d: (put("case", payload=5000.0, as_printed=True)(d), timed(0.1)(d))[0]),
     ("air move", "start", moved(0, 1e-7, 0, (4,))),
     ("air move", "via", moved(0, 1e-8, 1, (0,))),
     ("air move", "via", put("case", rest_at_tags=True)),
