@@ -38,7 +38,7 @@ def check_target(folder: str | Path, force: bool = False) -> Path:
         target = Path(os.path.realpath(folder))  # resolve() raises on loops of links
         if target.exists():
             _check_replaceable(Path(folder), target, force)
-        above = next(parent for parent in target.parents if parent.exists())
+        above = next(parent for parent in target.parents if os.path.lexists(parent))  # a link may lead nowhere
         os.rmdir(tempfile.mkdtemp(prefix=f".{target.name}.", dir=above))  # the only sure way to know that one can
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
