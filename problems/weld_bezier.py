@@ -253,6 +253,7 @@ def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstr
     begun = start(case)
     cut, tags, home = begun.cut, case.tags, np.radians(case.home)
     weld = float(cut.tags[-1]) / case.weld_speed / (tags - 1)
+    pace = np.full(tags - 1, weld)
     variables = [v for tag in range(1, tags + 1) for v in _tag_variables(f"tag {tag}", weld, position=True)]
     variables.append(_durations(case, ("approach", "retract")))
 
@@ -291,7 +292,7 @@ def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstr
         case, machine, variables, curve, (*limits, *tracked),
         (_rest_constraint("start", (0, 0.0), home), _rest_constraint("end", (-1, 1.0), home)),
         guess, "a tubular seam" if not case.seam_file else "a seam",
-        durations=(DurationConstraint("weld-time", tuple(range(1, tags)), *[np.array(weld)] * 2, "our choice"),),
+        durations=(DurationConstraint("weld-time", tuple(range(1, tags)), pace, pace, "our choice"),),
         curve_kind=f"nonic Bezier, approach, {tags - 1} pieces of the seam, retract",
         reference_point={"air_time": 12.0, "effort": 12.0, "movement": 25.0},
         instants={"tcp": _nodes(10), "tilt": _nodes(4), "snap-limit": _extremes(7)},
