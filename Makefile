@@ -14,14 +14,16 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow coverage interrupts lint clean
+.PHONY: help front test test-slow kill fuzz interrupts coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
 	@echo "make test       install with the test tools, run the default tests"
 	@echo "make test-slow  the slow tests"
+	@echo "make kill       a front killed at 20 random moments: nothing finished is lost"
+	@echo "make fuzz       2000 mutated files: what is proved of them holds, none ends in a traceback"
 	@echo "make coverage   all tests, with their coverage"
-	@echo "make interrupts  Ctrl-C at MOMENTS (20) random moments of every method; takes hours"
+	@echo "make interrupts Ctrl-C at MOMENTS (20) random moments of every method; takes hours"
 	@echo "make lint       ruff, and mypy on the installed package"
 	@echo "make clean      remove $(VENV), builds and caches; runs/ stays"
 
@@ -34,6 +36,12 @@ test: $(VENV)/.installed-dev
 
 test-slow: $(VENV)/.installed-dev
 	$(PYTEST) -m slow
+
+kill: $(VENV)/.installed-dev
+	$(BIN)/python benchmarks/kill.py
+
+fuzz: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.fuzz
 
 coverage: $(VENV)/.installed-dev
 	$(PYTEST) -m "" --cov

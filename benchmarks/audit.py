@@ -28,7 +28,7 @@ from ocp_traj.limits import Limits
 from ocp_traj.requirements import PathConstraint, Requirements, State
 from ocp_traj.robot import Robot
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory as of_vector
+from ocp_traj.trajectory import trajectory_of as of_vector
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,8 @@ from ocp_traj.audit import audit
 from ocp_traj.scalarise import WeightedSum
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.ipopt import Ipopt
-from ocp_traj.transcription import Instant, few_instants, trajectory, transcribe, uniform_instants
+from ocp_traj.trajectory import trajectory_of
+from ocp_traj.transcription import Instant, few_instants, transcribe, uniform_instants
 
 STARTS = 3
 
@@ -32,7 +33,7 @@ def grid(instants: Sequence[Instant]) -> list[tuple[float, str, int, int]]:
         nlp = transcribe(problem, WeightedSum({"time": 1.0}), instants, back_off=0.0)
         solution = Ipopt().solve(nlp, problem.guess(np.random.default_rng([0, seed])))
         seconds = time.perf_counter() - begun
-        checked = audit(trajectory(problem, solution.x), problem.requirements)
+        checked = audit(trajectory_of(problem, solution.x), problem.requirements)
         results.append((seconds, f"{solution.f:.7f} s, {checked.explain()}", len(nlp.rows), solution.iterations))
     return results
 

@@ -4,11 +4,12 @@ import ocp_traj as ot
 
 problem = ot.problems.load("hybrid-spline", payload=8.0)
 solution = ot.solve(problem, weights={"time": 0.5, "energy": 0.5}, starts=4, seed=0)
-print(solution.status.value, {name: round(value, 4) for name, value in solution.objectives.items()})
+print(solution.status.value, {name: round(value, 3) for name, value in solution.objectives.items()})
 print(solution.audit.explain())
 
 front = ot.pareto(problem, ["time", "energy"], method="trace", points=10, seed=0)
-print(front.table[["time [s]", "energy [N2 m2/s]", "margin", "verdict"]].round(3).to_string())
+digits = {"time [s]": 3, "energy [N2 m2/s]": 1, "margin": 3}
+print(front.table[[*digits, "verdict"]].round(digits).to_string())
 print("hypervolume", round(front.hypervolume().value, 4), "knee", front.knee())
 
 worst = min(front.audit(0).rows, key=lambda row: row.margin)

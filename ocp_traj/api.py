@@ -6,20 +6,23 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ocp_traj import problems
-from ocp_traj.audit import audit
+from ocp_traj.alternatives import best_front
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound, cut, quoted
 from ocp_traj.fixed_states import fixed_conflicts
 from ocp_traj.front import Front
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import Status
 from ocp_traj.problem import Decomposition, Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.records import Found, Record, ignore
 from ocp_traj.scalarise import Scalarisation, WeightedSum, check_names
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.branch_and_bound import BranchAndBound, is_certifiable, require_certifiable
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
@@ -28,14 +31,15 @@ from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.nsga2 import NSGA2
-from ocp_traj.solvers.pareto_set import ENDED_AFTER, FrontMethod
+from ocp_traj.solvers.pareto_set import ENDED_AFTER, FrontMethod, proved_front
+from ocp_traj.solvers.payload import OBJECTIVE as PAYLOAD_MASS
 from ocp_traj.solvers.payload import LargestPayload, along, static_bound, within
 from ocp_traj.solvers.pso import PSO
-from ocp_traj.solvers.repair import largest_excess, slow_down
+from ocp_traj.solvers.repair import largest_excess
 from ocp_traj.stopping import current, stopping
+from ocp_traj.store import Run, request
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import Trajectory, audit_points, case_fields
 
 FRONT_METHODS: dict[str, type[Any]] = {"trace": FrontTracer, "nsga2": NSGA2, "mopso": MOPSO, "hmoga": HMOGA}
 METHODS = tuple(FRONT_METHODS)
@@ -87,9 +91,10 @@ def solve(
         options: fields of the class of ``pso`` or ``ga``, such as ``population``.
 
     Returns:
-        The best solution, with trajectory, objectives and audit; infeasible ones name the limits in conflict. A problem
-        with a ``decomposition`` is solved by its parts: what they combine to may break limits of the whole.
-        ``solution.alternatives`` holds those of all alternatives, where the problem leaves a choice open.
+        The best solution, with trajectory, objectives and audit; one that is infeasible, or locally so from every
+        start, names the limits in conflict. A problem with a ``decomposition`` is solved by its parts: what they
+        combine to may break limits of the whole. ``solution.alternatives`` holds those of all alternatives, where the
+        problem leaves a choice open.
 
     Raises:
         KeyboardInterrupt: after Ctrl-C before the first start has ended; later on the best so far is returned, and its
@@ -131,13 +136,14 @@ def _solve(
                 break
         optima = sorted((o for s in solved.values() for o in s.optima), key=lambda o: o.solution.f)
         seconds = sum(s.seconds for s in solved.values())
+        started = sum(s.starts for s in solved.values())
         interrupted = ", ".join(f"{s.interrupted} of {name}" for name, s in solved.items() if s.interrupted)
         if len(solved) < len(problem.alternatives):
             left = [name for name in problem.alternatives if name not in solved]
             interrupted = f"{interrupted or 'after ' + ', '.join(solved)}, before {', '.join(left)}"
         return replace(
             best_of(list(solved.values())), alternatives=solved, optima=tuple(optima), seconds=seconds,
-            interrupted=interrupted,
+            interrupted=interrupted, starts=started,
         )  # fmt: skip
     conflicts = fixed_conflicts(problem)
     if conflicts:
@@ -145,7 +151,7 @@ def _solve(
         nothing = np.full(problem.size, np.nan)
         return Solution(
             problem.id, nothing, np.nan, Status.INFEASIBLE, conflicts[0].excess / conflicts[0].row.scale, 0, 0.0,
-            conflicts=conflicts, detail="broken at an end, whatever the variables",
+            conflicts=conflicts, detail="broken at an end, whatever the variables", starts=0,
         )  # fmt: skip
     if problem.decomposition is not None:
         return _by_parts(problem, problem.decomposition, objective, weights, method, starts, seed, solver, **options)
@@ -219,8 +225,7 @@ def _by_parts(
             return replace(solution, name=part.title, seconds=time.perf_counter() - begun)
         parts.append(solution)
     x = np.clip(recipe.combine([part.x for part in parts]), problem.lower, problem.upper)
-    candidate = trajectory(problem, x)
-    found = audit(candidate, problem.requirements)
+    candidate, found = audit_points(problem, [x])[0]
     values = evaluate_objectives(problem, x)
     return Solution(
         name=problem.id,
@@ -258,6 +263,9 @@ def pareto(
     seed: int = 0,
     budget: float | None = None,
     keep_unproved: bool = False,
+    output: str | Path | None = None,
+    force: bool = False,
+    found: Found = ignore,
     progress: Progress = silent,
     **options: Any,
 ) -> Front:
@@ -270,6 +278,9 @@ def pareto(
         seed: of everything random.
         budget: stop after this time [s] with what is there; to prove that takes a little longer.
         keep_unproved: whether points stay that are not proved, even slowed down.
+        output: folder to write the run to, as ``ocp-traj pareto -o`` does: what is finished is on the disk at once.
+        force: whether a run that is there is replaced.
+        found: given a record of each finished solve, or of a population now and then.
         progress: told how far it is.
         options: fields of the method's class, such as ``points`` of trace and ``population`` of nsga2.
 
@@ -278,16 +289,33 @@ def pareto(
         of IPOPT or of a generation: then ``front.info["interrupted"]`` is true, and ``front.info["ended after"]`` says
         what was done of how much, as it does where the budget was too small.
     """
+    run = partial(
+        _pareto, problem, objectives, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
+        progress=progress, **options,
+    )  # fmt: skip
     with stopping():
-        return _pareto(
-            problem, objectives, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
-            progress=progress, **options,
-        )  # fmt: skip
+        if output is None:
+            return run(found=found)
+        asked = request(
+            problem, objectives, method, seed=seed, budget=budget, keep_unproved=keep_unproved, options=options
+        )
+        with Run(output, asked, force=force) as kept:
+
+            def keep(record: Record) -> None:
+                kept.found(record)
+                found(record)
+
+            front = run(found=keep)
+            if len(front):
+                kept.finish(front)
+            else:
+                kept.discard()
+        return front
 
 
 def _pareto(
     problem: Problem, objectives: Sequence[str], *, method: str, seed: int, budget: float | None, keep_unproved: bool,
-    progress: Progress, **options: Any,
+    found: Found, progress: Progress, **options: Any,
 ) -> Front:  # fmt: skip
     if len(objectives) < 2 or len(set(objectives)) != len(objectives):
         raise InputError(f"a front trades two or more different objectives; got {cut(', '.join(objectives)) or 'none'}")
@@ -305,33 +333,28 @@ def _pareto(
             {
                 name: partial(
                     pareto, alternative, objectives, method=method, seed=seed, keep_unproved=keep_unproved,
-                    progress=progress, **options,
+                    found=partial(_of_alternative, found, name), progress=progress, **options,
                 )
                 for name, alternative in problem.alternatives.items()
             },
             budget,
         )  # fmt: skip
-    chosen: FrontMethod = configured(FRONT_METHODS, method, seed=seed, progress=progress, **options)
+    chosen: FrontMethod = configured(FRONT_METHODS, method, seed=seed, progress=progress, found=found, **options)
     conflicts = fixed_conflicts(problem)
     if conflicts:
         raise NoSolutionFound(
             f"{problem.id}: no trajectory meets these limits together: {'; '.join(map(str, conflicts))}"
         )
-    found = chosen.pareto(problem, objectives)
+    xs = chosen.pareto(problem, objectives)
     interrupted = current().tell()
-    if not found.xs and not interrupted:
+    if not xs.xs and not interrupted:
         within = "" if budget is None else " within its budget; give it more"
         raise NoSolutionFound(f"{problem.id}: {method} found no point{within}")
-    xs, checked = slow_down(problem, found.xs if problem.settle is None else [problem.settle(x) for x in found.xs])
-    # What was found may be proved where what it was settled to is not: a little less is asked of it.
-    unproved = [i for i, one in enumerate(checked) if not one.proved] if problem.settle is not None else []
-    for i, x in zip(unproved, slow_down(problem, [found.xs[i] for i in unproved])[0], strict=True):
-        xs[i] = x
-    info = {**found.info, "interrupted": interrupted}
-    return Front.of(
-        problem, tuple(objectives), xs,
-        method=found.method, seed=found.seed, seconds=found.seconds, info=info, keep_unproved=keep_unproved,
-    )  # fmt: skip
+    return proved_front(problem, objectives, replace(xs, interrupted=interrupted), keep_unproved)
+
+
+def _of_alternative(found: Found, name: str, record: Record) -> None:
+    found({**record, "alternative": name})
 
 
 def _best_front(runs: Mapping[str, Callable[..., Front]], budget: float | None) -> Front:
@@ -353,40 +376,22 @@ def _best_front(runs: Mapping[str, Callable[..., Front]], budget: float | None) 
     if not fronts:
         stop.check()
         raise reasons[0]
-    filled = [front for front in fronts.values() if len(front)]
-    signs = {o.id: 1.0 if o.sense == "min" else -1.0 for front in filled for o in front.traded}
-    ideal = {name: sign * min(sign * front.ideal[name] for front in filled) for name, sign in signs.items()}
-
-    def worth(name: str) -> float:
-        front = fronts[name]
-        known = set(front.objectives) <= set(front.problem.reference_point)
-        return front.hypervolume(ideal=ideal).value if len(front) and known else float(len(front) > 0)
-
-    worths = {name: worth(name) for name in fronts}
-    best = max(worths, key=lambda name: worths[name])
-    chosen = fronts[best]
-    others = {
-        name: {
-            "points": len(fronts[name]) if name in fronts else 0,
-            "hypervolume": worths.get(name, 0.0),
-            "points not dominated by the chosen front": _beyond(chosen, fronts[name]) if name in fronts else 0,
-        }
-        for name in runs
-    }
-    seconds = sum(front.seconds for front in fronts.values())
-    info = {**chosen.info, "alternative": best, "alternatives": others, "interrupted": stop.tell()}
+    best = best_front(fronts, runs)
     ended = [f"{front.info[ENDED_AFTER]} of {name}" for name, front in fronts.items() if ENDED_AFTER in front.info]
     ended += [f"nothing of {name}" for name in runs if name not in fronts and stop.interrupted]
-    return replace(chosen, seconds=seconds, info={**info, ENDED_AFTER: ", ".join(ended)} if ended else info)
+    info = {**best.info, "interrupted": stop.tell()}
+    return replace(best, info={**info, ENDED_AFTER: ", ".join(ended)} if ended else info)
 
 
-def _beyond(front: Front, other: Front) -> int:
-    """How many points of another front none of this front is as good as in every objective."""
-    if front is other or not len(other):
-        return 0
-    signs = np.array([1.0 if o.sense == "min" else -1.0 for o in front.traded])
-    ours, theirs = front.values * signs, other.values * signs
-    return int((~(ours[None] <= theirs[:, None]).all(axis=2).any(axis=1)).sum())
+def _with_free_payload(problem: Problem) -> Problem:
+    """The problem with its payload among its variables and its objectives."""
+    if any(objective.id == PAYLOAD_MASS for objective in problem.objectives):
+        return problem
+    if problem.id not in problems.names():
+        raise InputError(
+            f"{problem.id} has no objective {PAYLOAD_MASS!r}: give it the payload as a variable and as that objective"
+        )
+    return problems.load(problem.id, **{**case_fields(problem), "free_payload": True})
 
 
 @one_blas_thread
@@ -409,7 +414,6 @@ def payload(
     if trajectory is not None:
         return along(problem, trajectory)
     if max_time is not None:
-        case = {name: getattr(problem.case, name) for name in problem.case.__dataclass_fields__}
-        free = problems.load(problem.id, **{**case, "free_payload": True})
-        return within(free, max_time, Multistart(Exchange(), starts, seed, progress=progress))
+        solver = Multistart(Exchange(), starts, seed, progress=progress)
+        return within(_with_free_payload(problem), max_time, solver)
     return static_bound(problem)

@@ -128,12 +128,20 @@ def turning_times(points: Array) -> Array:
     return np.where(finite, inside, np.nan)
 
 
-def total_variation(points: Array) -> Array:
-    """int_0^1 |de/du| du of many scalar curves, exact: ``(N,)`` from control points ``(n + 1, N)``."""
+def turning_values(points: Array) -> tuple[Array, Array]:
+    """Local times, ascending, and values at the ends and turning points of scalar curves ``(n + 1, N)``.
+
+    Largest and smallest value of each curve are among them; both ``(max(n + 1, 2), N)``.
+    """
     times = turning_times(points)
     times = np.concatenate([np.zeros((1, times.shape[1])), times, np.ones((1, times.shape[1]))])
     weights = basis(len(points) - 1, times.ravel()).reshape(*times.shape, len(points))
-    return np.asarray(np.abs(np.diff(np.einsum("kni,in->kn", weights, points), axis=0)).sum(axis=0))
+    return times, np.einsum("kni,in->kn", weights, points)
+
+
+def total_variation(points: Array) -> Array:
+    """int_0^1 |de/du| du of many scalar curves, exact: ``(N,)`` from control points ``(n + 1, N)``."""
+    return np.asarray(np.abs(np.diff(turning_values(points)[1], axis=0)).sum(axis=0))
 
 
 @dataclass(frozen=True)
@@ -278,14 +286,12 @@ class PiecewiseBezier:
 
     def extrema(self, order: int = 0) -> tuple[Extremum, ...]:
         """Exact extrema of the order-th derivative, one per joint: segment ends and roots of the next derivative."""
-        candidates: list[tuple[Array, Array]] = []  # (times (M, dof), values (M, dof)); NaN where there is no root
+        candidates = []  # (times (M, dof), values (M, dof))
         for k in range(self.segments):
-            points = self.hodograph(k, order)
-            u = np.concatenate([np.zeros((1, self.dof)), np.ones((1, self.dof)), _stationary(points)])
-            values = np.stack([basis(len(points) - 1, u[:, j]) @ points[:, j] for j in range(self.dof)], axis=1)
+            u, values = turning_values(self.hodograph(k, order))
             candidates.append((self.knots[k] + u * self.durations[k], values))
         times, values = (np.concatenate(parts) for parts in zip(*candidates, strict=True))
-        low, high = np.nanargmin(values, axis=0), np.nanargmax(values, axis=0)
+        low, high = np.argmin(values, axis=0), np.argmax(values, axis=0)
         return tuple(
             Extremum(
                 float(values[low[j], j]), float(times[low[j], j]), float(values[high[j], j]), float(times[high[j], j])
@@ -318,22 +324,3 @@ class PiecewiseBezier:
     def from_ppoly(cls, ppoly: PPoly) -> PiecewiseBezier:
         """From scipy's ``PPoly`` (so from ``CubicSpline`` and its kin as well)."""
         return cls.from_bpoly(BPoly.from_power_basis(ppoly))
-
-
-def _stationary(points: Array) -> Array:
-    """Local times in (0, 1) where each joint's derivative vanishes, ``(n - 1, dof)``, NaN where there are fewer."""
-    degree, dof = points.shape[0] - 1, points.shape[1]
-    roots = np.full((max(degree - 1, 0), dof), np.nan)
-    if degree < 2:
-        return roots
-    derivative = PPoly.from_bernstein_basis(BPoly(np.diff(points, axis=0)[:, None, :], [0.0, 1.0])).c[:, 0, :]
-    for j in range(dof):
-        coefficients = derivative[:, j]
-        size = np.abs(coefficients).max()
-        if size == 0.0:
-            continue  # constant: the ends say it all
-        # Leading coefficients that are rounding noise would only add roots at infinity.
-        found = np.roots(np.where(np.abs(coefficients) < 1e-15 * size, 0.0, coefficients))
-        inside = found.real[(np.abs(found.imag) < 1e-6) & (found.real > 0.0) & (found.real < 1.0)]
-        roots[: len(inside), j] = inside
-    return roots

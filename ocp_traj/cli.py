@@ -20,23 +20,25 @@ from typing import Annotated, Any
 
 import typer
 
-from ocp_traj import __version__, api, problems, screen
+from ocp_traj import api, problems, screen
 from ocp_traj.audit import audit as run_audit
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, OcpTrajError, cut, quoted
 from ocp_traj.export import export as run_export
 from ocp_traj.files import LONGEST_PATH, check_writable
-from ocp_traj.limits_file import check_joints, read_requirements
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.limits_file import read_requirements
+from ocp_traj.nlp import Status
 from ocp_traj.plot import check_picture, plot_trajectory, save_history
 from ocp_traj.problem import Problem
 from ocp_traj.reproduce import reproduce as run_reproduce
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.pareto_set import ENDED_AFTER
 from ocp_traj.solvers.pso import SCHEDULES
 from ocp_traj.stopping import exit_code, stopping
-from ocp_traj.store import check_target, save_run
+from ocp_traj.store import Run, request
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.verdicts import Audit
+from ocp_traj.verdicts import ALLOWANCE, Audit
+from ocp_traj.version import __version__
 
 DONE, NOT_PROVED, WRONG_INPUT = 0, 1, 2
 MOST = 100_000  # of anything that is counted: our choice, what a machine's memory holds
@@ -185,7 +187,7 @@ def pareto(
     ] = None,
     ideal: Annotated[
         str | None,
-        typer.Option(metavar="A,B[,..]", help="Ideal point of the hypervolume; the front's own if not given."),
+        typer.Option(metavar="A,B[,..]", help="Ideal point of the hypervolume; the problem's own if not given."),
     ] = None,
     keep_unproved: Annotated[bool, typer.Option(help="Keep points that are not proved.")] = False,
     force: Annotated[bool, typer.Option(help="Replace an existing run.")] = False,
@@ -205,24 +207,33 @@ def pareto(
         raise InputError(
             f"{chosen.id} has no reference point for {', '.join(unbounded)}; give --reference {objectives}"
         )
-    check_target(output, force)
     options = _given(points=points, population=population, generations=generations)
+    asked = request(chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, options=options)
     with stopping() as stop:
-        with screen.progress(method) as progress:
-            front = api.pareto(
-                chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved, progress=progress,
-                **options,
-            )  # fmt: skip
-        if not len(front) and stop.interrupted:
-            return _interrupted("before the first point was found; nothing is written")
+        with Run(output, asked, force=force) as kept:
+            try:
+                with screen.progress(method) as progress:
+                    front = api.pareto(
+                        chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
+                        found=kept.found, progress=progress, **options,
+                    )  # fmt: skip
+                if len(front):
+                    volume = front.hypervolume(*corners)
+                    folder = kept.finish(front, volume)
+                else:
+                    kept.discard()
+            except (OcpTrajError, KeyboardInterrupt):
+                if kept.holds_points:
+                    screen.say(f"what was found until then is kept: {output}")
+                raise
         if not len(front):
+            if stop.interrupted:
+                return _interrupted("before the first point was found; nothing is written")
             screen.say(
                 f"{chosen.id}: {method} found no proved point ({front.info['dropped']}); --keep-unproved keeps the "
                 "others"
             )
             return NOT_PROVED
-        volume = front.hypervolume(*corners)
-        folder = save_run(front, output, force=force, hypervolume=volume)
         screen.show(screen.front_sheet(front, volume, folder), json)
         for words in screen.front_remarks(front):
             screen.say(words)
@@ -232,7 +243,7 @@ def pareto(
             return _interrupted(f"after {ended}" if ended else "")
         if ended:
             screen.say(f"the budget ended it after {ended}")
-        return DONE
+        return NOT_PROVED if front.info.get("moved") is False else DONE
 
 
 @app.command()
@@ -285,6 +296,9 @@ def audit(
     limits: Annotated[
         Path | None, typer.Option(help="Limits to audit against (TOML); its own problem's if not given.")
     ] = None,
+    allowance: Annotated[
+        float, typer.Option(metavar="SHARE", help="Of each bound, by which it may be exceeded and still be met.")
+    ] = ALLOWANCE,
     json: AsJson = False,
 ) -> int:
     """Proves that a trajectory keeps its limits, or says where not.
@@ -293,11 +307,13 @@ def audit(
     """
     moved = Trajectory.load(trajectory)
     if limits is None:
+        if allowance != ALLOWANCE:
+            raise InputError("--allowance is for limits of a file; give --limits too, or leave it out")
         checked = moved.audit()
     else:
-        requirements = read_requirements(limits)
-        check_joints(moved, requirements)
-        checked = run_audit(moved, requirements)
+        checked = run_audit(moved, read_requirements(limits), allowance=allowance)
+    if not checked.rows:
+        raise InputError(f"{limits or moved.problem} asks nothing of {trajectory}: nothing is proved; give a limit")
     screen.show(screen.audit_sheet(checked), json)
     return _verdict(checked)
 
@@ -366,7 +382,9 @@ def _outcome(solution: Solution) -> int:
         screen.say(solution.certificate.explain())
     if solution.status is Status.FEASIBLE:
         screen.say(f"feasible, not optimal: {solution.detail}")
-    return _verdict(solution.audit, solution.status.ok)
+    elif not solution.ok:
+        screen.say(f"{solution.status.value}: {solution.detail}")
+    return _verdict(solution.audit, solution.ok and solution.moved)
 
 
 def _interrupted(words: str) -> int:

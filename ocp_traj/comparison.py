@@ -2,12 +2,13 @@
 
 A printed number stands for every number that rounds to it. Ours agrees where it is one of these, widened by what the
 rounding of the paper's own inputs can do to it; where it is not, but a reading that the paper itself supports is, the
-printed one is an erratum; all else differs.
+printed one is an erratum; all else differs. Where the paper prints no number, what follows from its words, or what
+other code found, stands in a column of its own: the paper's holds what the paper prints, and nothing else.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from decimal import Decimal
 from typing import Any
@@ -20,7 +21,7 @@ from ocp_traj.problem import Problem
 
 Array = NDArray[np.float64]
 
-FORMAT = "ocp-traj/reproduction/1"
+FORMAT = "ocp-traj/reproduction/2"
 AGREES, ERRATUM, DIFFERS = "agrees", "erratum", "differs"
 VERDICTS = (AGREES, ERRATUM, DIFFERS)
 LAST_BITS = 1e-9  # of the tolerance: a number half-way between two prints rounds to either
@@ -28,12 +29,14 @@ LAST_BITS = 1e-9  # of the tolerance: a number half-way between two prints round
 
 @dataclass(frozen=True)
 class Comparison:
-    """One number of the paper beside ours.
+    """One number of ours beside the paper's, or beside what must come out where the paper prints none.
 
     Attributes:
-        table, item: where the paper has it.
-        paper, ours: the numbers [unit].
-        unit: of both.
+        table, item: where the paper has it, or what it is about.
+        paper: as printed [unit]; None where the paper prints no such number.
+        expected: in that case what must come out [unit], else None.
+        ours: our number [unit].
+        unit: of all.
         tolerance: half a unit of the last printed digit, and what the rounding of the paper's inputs adds [unit].
         verdict: of ``VERDICTS``.
         note: what explains it.
@@ -41,7 +44,8 @@ class Comparison:
 
     table: str
     item: str
-    paper: float
+    paper: float | None
+    expected: float | None
     ours: float
     unit: str
     tolerance: float
@@ -64,7 +68,7 @@ class Run:
     """One solution: of a solver of ours, or what the paper reports of its own.
 
     Attributes:
-        source: ``ours`` or ``paper``.
+        source: ``ours`` or ``paper``; of the paper's all numbers are as printed.
         method: solver and what it minimised.
         variant: of the problem.
         seed: of its randomness.
@@ -107,8 +111,7 @@ class Reproduction:
         """The comparisons of each table, the extra tables, then ``Runs`` and ``Errata``."""
         tables: dict[str, pd.DataFrame] = {}
         for name in dict.fromkeys(c.table for c in self.comparisons):
-            rows = [asdict(c) for c in self.comparisons if c.table == name]
-            tables[name] = pd.DataFrame(rows).drop(columns="table")
+            tables[name] = _table([c for c in self.comparisons if c.table == name])
         tables |= self.extra
         tables["Runs"] = pd.DataFrame([_flat(run) for run in self.runs])
         tables["Errata"] = pd.DataFrame([asdict(erratum) for erratum in self.errata])
@@ -119,6 +122,18 @@ class Reproduction:
         counts = {row["table"]: {v: int(row[v]) for v in VERDICTS} for row in self.summary.to_dict("records")}
         extra = {title: table.to_dict("records") for title, table in self.extra.items()}
         return {"format": FORMAT, **asdict(replace(self, extra={})), "extra": extra, "summary": counts}
+
+
+def _table(comparisons: Sequence[Comparison]) -> pd.DataFrame:
+    """One table's comparisons; the paper's numbers with all their digits, whatever their size, and no empty column."""
+    rows = pd.DataFrame([asdict(c) for c in comparisons]).drop(columns="table")
+    for column in ("paper", "expected"):
+        values = [getattr(c, column) for c in comparisons]
+        if all(value is None for value in values):
+            rows = rows.drop(columns=column)
+        else:
+            rows[column] = pd.Series([None if v is None else f"{v:.12g}" for v in values], dtype=object)
+    return rows
 
 
 def _flat(run: Run) -> dict[str, Any]:
@@ -180,7 +195,7 @@ def compare(
     verdict = AGREES if is_ours(printed, allowed) else DIFFERS
     if verdict == DIFFERS and should_read is not None and is_ours(should_read, half_unit(should_read) + slack):
         verdict = ERRATUM
-    return Comparison(table, item, float(printed), float(ours), unit, float(allowed), verdict, note)
+    return Comparison(table, item, float(printed), None, float(ours), unit, float(allowed), verdict, note)
 
 
 @dataclass(frozen=True)
@@ -207,6 +222,15 @@ class Sheet:
             self.errata.append(Erratum(f"{table}, {item}", printed, *known))
             note = f"should read {known[0]}: {known[1]}"
         self.comparisons.append(replace(found, note=note))
+
+    def expect(
+        self, table: str, item: str, expected: float, ours: float, unit: str = "", *, tolerance: float, note: str = ""
+    ) -> None:
+        """Holds our number against one that the paper does not print: of its words, of an identity, of other code."""
+        verdict = AGREES if abs(ours - expected) <= tolerance else DIFFERS
+        self.comparisons.append(
+            Comparison(table, item, None, float(expected), float(ours), unit, float(tolerance), verdict, note)
+        )
 
 
 def named_objectives(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ocp_traj.motion import Motion
 from ocp_traj.requirements import ORDERS, SWEEP, PathConstraint, PointConstraint, Requirements
 from ocp_traj.tape import Tape
-from ocp_traj.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 
 def limit_on(
-    trajectory: Trajectory,
+    trajectory: Motion,
     requirements: Requirements,
     limit: PathConstraint | PointConstraint,
     segment: int,
@@ -37,7 +37,7 @@ def limit_on(
 
 
 def swept_on(
-    trajectory: Trajectory, requirements: Requirements, limit: PathConstraint, segment: int, u: ArrayLike, s: ArrayLike
+    trajectory: Motion, requirements: Requirements, limit: PathConstraint, segment: int, u: ArrayLike, s: ArrayLike
 ) -> Array:
     """Values of a swept limit on one segment at all pairs of ``u (N,)`` and ``s (M,)``: ``(rows, N, M)``."""
     local, sweep = np.atleast_1d(np.asarray(u, dtype=float)), np.atleast_1d(np.asarray(s, dtype=float))
@@ -59,7 +59,7 @@ def farthest(limit: PathConstraint, values: Array) -> Array:
 
 
 def limit_along(
-    trajectory: Trajectory, requirements: Requirements, limit: PathConstraint, per_segment: int = 50
+    trajectory: Motion, requirements: Requirements, limit: PathConstraint, per_segment: int = 50
 ) -> tuple[Array, Array]:
     """Times ``(N,)`` [s] and values ``(rows, N)`` of a limit over a trajectory; inner knots appear once a side.
 

@@ -13,9 +13,12 @@ import pandas as pd
 
 from ocp_traj import problems
 from ocp_traj.errors import InputError, quoted
-from ocp_traj.files import write_text, write_with
-from ocp_traj.store import plain, read_front_csv, read_manifest
-from ocp_traj.trajectory import COLUMNS, Trajectory
+from ocp_traj.files import plain, write_text, write_with
+from ocp_traj.front_table import read_front_csv
+from ocp_traj.motion import COLUMNS
+from ocp_traj.run_folder import MANIFEST, TABLE
+from ocp_traj.run_reader import load_run, read_manifest
+from ocp_traj.trajectory import Trajectory
 
 FORMAT = "ocp-traj/table/1"
 FORMATS = ("csv", "parquet", "json", "ros")
@@ -30,7 +33,8 @@ def export(source: str | Path, format: str, destination: str | Path, *, samples:
     """Writes a front or a trajectory in another format.
 
     Args:
-        source: a run folder, a ``front.csv``, or a trajectory's JSON file.
+        source: a run folder, at any moment of the run, a ``front.csv``, or a trajectory's JSON file. The points of a
+            run are proved anew; a ``front.csv`` that lies in no run of a known problem is taken as it is.
         format: ``csv``, ``parquet``, ``json`` (``{"format", "kind", "metadata", "rows"}``, a record a row), or, for a
             trajectory, ``ros``: a ``trajectory_msgs/msg/JointTrajectory`` of ROS 2 as ``.yaml`` or ``.json``.
         destination: the file to write.
@@ -57,10 +61,14 @@ def export(source: str | Path, format: str, destination: str | Path, *, samples:
 
 def _front(source: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
     """The front's table, and what its run folder says of it."""
-    if source.is_dir():
-        return read_front_csv(source / "front.csv").reset_index(), read_manifest(source)
-    beside = source.name == "front.csv" and (source.parent / "run.json").is_file()
-    return read_front_csv(source).reset_index(), read_manifest(source.parent) if beside else {}
+    folder = source if source.is_dir() else source.parent
+    if not source.is_dir() and not (source.name == TABLE and (folder / MANIFEST).is_file()):
+        return read_front_csv(source).reset_index(), {}
+    run = read_manifest(folder)
+    if not source.is_dir() and run.get("problem") not in problems.names():
+        # A problem of the user's own, which nothing here can prove a point of.
+        return read_front_csv(source).reset_index(), run
+    return load_run(folder).table.reset_index(), run
 
 
 def trajectory_table(trajectory: Trajectory, samples: int = 200) -> pd.DataFrame:
@@ -70,7 +78,9 @@ def trajectory_table(trajectory: Trajectory, samples: int = 200) -> pd.DataFrame
     """
     sampled = trajectory.sample(samples)
     units: tuple[str, ...] | None = None
-    if trajectory.problem in problems.names():
+    if trajectory.origin is not None:
+        units = trajectory.origin.requirements.joint_units
+    elif trajectory.problem in problems.names():
         units = problems.load(trajectory.problem, **trajectory.case).requirements.joint_units
     names = []
     for quantity, per_time in zip(COLUMNS, PER_TIME, strict=True):

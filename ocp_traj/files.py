@@ -1,4 +1,4 @@
-"""Files: read with a clear word where they are not what they should be, written whole or not at all."""
+"""Files: read with a clear word where they are not what they should be, written whole and for good, or not at all."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ import os
 import select
 import stat
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ocp_traj.errors import FileFormatError, cut
 from ocp_traj.stopping import stopping
@@ -86,7 +88,10 @@ def _require_plain(target: Path) -> None:
 
 @stopping()
 def write_with(path: str | Path, write: Callable[[Path], None]) -> Path:
-    """Calls ``write`` with a temporary path beside ``path``, then renames it: a reader never sees half a file."""
+    """Calls ``write`` with a temporary path beside ``path``, then renames it: a reader never sees half a file.
+
+    It is on the disk when this returns: power that is lost later leaves it whole.
+    """
     target = Path(path)
     _require_plain(target)
     temporary: Path | None = None
@@ -98,7 +103,9 @@ def write_with(path: str | Path, write: Callable[[Path], None]) -> Path:
         umask = os.umask(0)
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)  # mkstemp makes it private; give it the mode a plain write would have
+        sync(temporary)
         temporary.replace(target)
+        sync(target.parent)
     except OSError as error:
         raise FileFormatError(
             f"cannot write {target}: {error.strerror or error}; choose a folder that exists and is writable"
@@ -116,6 +123,31 @@ def write_text(path: str | Path, text: str) -> Path:
         temporary.write_text(text, encoding="utf-8")
 
     return write_with(path, write)
+
+
+def sync(path: Path) -> None:
+    """Waits until a file's contents, or a folder's entries, are on the disk."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    except OSError:
+        if not path.is_dir():  # some network file systems cannot do this for a folder
+            raise
+    finally:
+        os.close(handle)
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON can hold it: arrays as lists, numbers that are not finite as null, anything else as its text."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
 @stopping()

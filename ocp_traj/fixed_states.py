@@ -13,9 +13,9 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.nlp import Conflict, Row
 from ocp_traj.problem import Problem
 from ocp_traj.requirements import ORDERS, SWEEP, PathConstraint
+from ocp_traj.rows import Conflict, Row
 
 Array = NDArray[np.float64]
 

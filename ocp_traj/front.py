@@ -13,19 +13,18 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj import measures
-from ocp_traj.audit import audit_all
 from ocp_traj.errors import InputError
-from ocp_traj.problem import Objective, Problem
+from ocp_traj.objective import Objective
+from ocp_traj.problem import Problem
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import Trajectory, audit_points
 from ocp_traj.verdicts import PROVED, UNDECIDED, VIOLATED, Audit
 
 Array = NDArray[np.float64]
 Point = Mapping[str, float] | Sequence[float]
 
 SAME = 1e-9  # relative: points closer than this in every traded objective are one point; our choice
-ON_BOUND = 1e-9  # of a variable's range, by which rounding may take it past its bound; our choice
+GIVEN, OF_PROBLEM, ENDS, OWN = "given", "problem", "ends", "front"  # where an ideal comes from
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +54,24 @@ class Hypervolume:
         value: share of the box between ideal and reference that is dominated, 0 to 1.
         volume: the same in the product of the objectives' units.
         reference, ideal: corners of the box, in the objectives' units.
-        own_ideal: the ideal is the front's own best, so that ``value`` does not compare with another front's.
+        ideal_from: where the ideal comes from: ``given``; the ``problem``'s ideal point; local solves at the ``ends``
+            of this front; or the best of the ``front`` itself, whatever it may be.
     """
 
     value: float
     volume: float
     reference: Mapping[str, float]
     ideal: Mapping[str, float]
-    own_ideal: bool
+    ideal_from: str
+
+    @property
+    def own_ideal(self) -> bool:
+        """Whether the ideal is the front's own best, so that ``value`` does not compare with another front's."""
+        return self.ideal_from == OWN
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain values."""
+        return {**vars(self), "own_ideal": self.own_ideal}
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,26 +203,21 @@ class Front:
 
         Args:
             reference: worst values worth having, per objective; by default the problem's reference point.
-            ideal: best values; by default the front's own.
+            ideal: best values; by default the problem's ideal point, else what local solves found at the front's ends
+                (``info["ideal"]``), else the front's own, from which nothing compares.
         """
         worst = self._corner(self.problem.reference_point if reference is None else reference, "reference")
-        own = ideal is None
-        if ideal is not None:
-            best = self._corner(ideal, "ideal")
-            if not (best < worst).all():
-                name = self.objectives[int(np.argmin(best < worst))]
-                raise InputError(
-                    f"the hypervolume's ideal is not better than its reference in {name!r}; move one of them"
-                )
-        else:
-            best = self._costs().min(axis=0) if self.points else np.full(len(worst), np.nan)
+        best, source = self._ideal(ideal)
+        if source == GIVEN and not (best < worst).all():
+            name = self.objectives[int(np.argmin(best < worst))]
+            raise InputError(f"the hypervolume's ideal is not better than its reference in {name!r}; move one of them")
         size = worst - best
         value = 0.0
         if self.points and (size > 0.0).all():  # else no point is better than the reference in every objective
             scaled = np.maximum((self._costs() - best) / size, 0.0)
             value = float(moocore.hypervolume(scaled, ref=np.ones(len(worst))))
         volume = value * float(np.prod(size)) if value else 0.0
-        return Hypervolume(value, volume, self._mapping(worst), self._mapping(best), own)
+        return Hypervolume(value, volume, self._mapping(worst), self._mapping(best), source)
 
     def spread(self) -> float:
         """How unevenly the points lie, 0 for equal gaps; NaN for fewer than three points; see ``measures.spread``."""
@@ -243,6 +247,15 @@ class Front:
 
     def _mapping(self, costs: Array) -> dict[str, float]:
         return dict(zip(self.objectives, (costs * _signs(self.traded)).tolist(), strict=True))
+
+    def _ideal(self, given: Point | None) -> tuple[Array, str]:
+        """The best corner of the hypervolume's box, signed so that less is better, and where it comes from."""
+        if given is not None:
+            return self._corner(given, "ideal"), GIVEN
+        for source, point in ((OF_PROBLEM, self.problem.ideal_point), (ENDS, self.info.get("ideal"))):
+            if isinstance(point, Mapping) and set(self.objectives) <= set(point):
+                return self._corner(point, "ideal"), source
+        return (self._costs().min(axis=0) if self.points else np.full(len(self.objectives), np.nan)), OWN
 
     def _corner(self, point: Point, what: str) -> Array:
         """A corner of the hypervolume's box, signed so that less is better."""
@@ -279,17 +292,12 @@ def _audited(problem: Problem, traded: tuple[str, ...], vectors: Sequence[Array]
     for x in vectors:
         values = evaluate_objectives(problem, x) if np.isfinite(x).all() else dict.fromkeys(kept, np.nan)
         if all(np.isfinite(values[name]) for name in kept):
-            candidates.append((x, {name: values[name] for name in kept}, trajectory(problem, x)))
-    audits = audit_all([t for _, _, t in candidates], problem.requirements) if candidates else []
-    size = problem.upper - problem.lower
-    size = np.where(np.isfinite(size) & (size > 0.0), size, 1.0)
-    points = []
-    for (x, values, path), audit in zip(candidates, audits, strict=True):
-        room = float((np.minimum(x - problem.lower, problem.upper - x) / size).min())
-        outside = room < -ON_BOUND
-        margin, verdict = (min(audit.margin, room), VIOLATED) if outside else (audit.margin, audit.verdict)
-        points.append(FrontPoint(x, values, path, float(margin), verdict))
-    return points
+            candidates.append((x, {name: values[name] for name in kept}))
+    audited = audit_points(problem, [x for x, _ in candidates])
+    return [
+        FrontPoint(x, values, path, float(audit.margin), audit.verdict)
+        for (x, values), (path, audit) in zip(candidates, audited, strict=True)
+    ]
 
 
 def _non_dominated(traded: Sequence[Objective], points: Sequence[FrontPoint]) -> list[FrontPoint]:

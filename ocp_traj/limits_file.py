@@ -7,31 +7,36 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import dataclass
+from math import isinf
 from pathlib import Path
 from sys import float_info
 from typing import Any
 
-import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj import problems
-from ocp_traj.errors import MOST_NAMES, FileFormatError, InputError, cut, quoted
+from ocp_traj import problems, standard
+from ocp_traj.dynamics import ROUND_OFF
+from ocp_traj.errors import FileFormatError, InputError, cut, quoted
 from ocp_traj.files import read_text
-from ocp_traj.limits import QUANTITIES, Limits
-from ocp_traj.requirements import ORDERS, PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.limits import QUANTITIES, UNLIMITED, Limits
+from ocp_traj.requirements import (
+    ORDERS,
+    ParameterBound,
+    PointConstraint,
+    Requirements,
+    State,
+)
 from ocp_traj.robot import EFFORT_UNITS, Robot
-from ocp_traj.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Names = tuple[str, ...]
 
 FORMAT = "ocp-traj/limits/1"
 SI = "SI only, no degrees"
-PER_TIME = ("", "/s", "/s2", "/s3", "/s4")  # of ORDERS
-AXES = ("x", "y", "z")
 UNITS = set(EFFORT_UNITS)
 GRAVITY = [0.0, 0.0, -9.81]  # [m/s^2], where the file gives none
+ROUNDED = 1e-9  # of the least effort: our choice, far below what masses are known to
 REST_TOLERANCE = 1e-9  # [of the derivative's unit], where the file gives none; rounding is about 1e-13
 
 
@@ -69,13 +74,19 @@ class _Table:
         return value
 
     def numbers(self, key: str, size: int, what: str, default: list[float] | None = None) -> Array:
-        wanted = f"{size} numbers, {what} ({SI})"
+        wanted = f"{size} numbers below {UNLIMITED:g}, inf for no limit, {what} ({SI})"
         return np.array(self.get(key, list, wanted, lambda v: _are_numbers(v) and len(v) == size, default), dtype=float)
 
 
 def _are_numbers(values: list[Any]) -> bool:
-    """Whether a TOML list holds numbers only; infinite ones are, NaN and whole ones beyond any float are not."""
-    return all(type(x) in (int, float) and (abs(x) <= float_info.max or abs(x) == float("inf")) for x in values)
+    """Whether a TOML list holds numbers only: infinite ones mean no limit, NaN and such as are too large do not."""
+    return all(type(x) in (int, float) and (abs(x) < UNLIMITED or abs(x) == float("inf")) for x in values)
+
+
+def _float(text: str) -> float:
+    """A TOML float; one that no float can hold is not taken for infinity, which means that there is no limit."""
+    value = float(text)
+    return float("nan") if isinf(value) and "inf" not in text else value
 
 
 def _are_names(values: list[Any]) -> bool:
@@ -85,7 +96,7 @@ def _are_names(values: list[Any]) -> bool:
 def read_requirements(path: str | Path) -> Requirements:
     """Reads a limits file; a fault raises ``FileFormatError``: one line with file, key and what is allowed."""
     try:
-        file = _Table(Path(path), "", tomllib.loads(read_text(path, "limits")))
+        file = _Table(Path(path), "", tomllib.loads(read_text(path, "limits"), parse_float=_float))
     except tomllib.TOMLDecodeError as error:
         raise FileFormatError(f"{path} is not a limits file: not TOML ({cut(str(error), 200)})") from error
     except RecursionError as error:
@@ -100,11 +111,7 @@ def read_requirements(path: str | Path) -> Requirements:
     each = f"one for each of {list(joints)}"
     given = Limits(**{name: _bounds(file.table(name, "lower", "upper", "limit"), joints, each) for name in QUANTITIES})
     robot, limits = _robot(file, joints, units, given)
-    constraints = [
-        PathConstraint.on_derivative(f"{name}-limit", order, *pair, [unit + PER_TIME[order] for unit in units], joints)
-        for order, name in enumerate(QUANTITIES[: len(ORDERS)])
-        if (pair := limits.bounds(name)) is not None
-    ]
+    constraints = list(standard.joint_limits(limits, joints, units))
     payload = _payload(file.table("payload", "mass", "parameter"))
     if (efforts := limits.bounds("effort")) is not None:
         model = robot.model
@@ -113,35 +120,49 @@ def read_requirements(path: str | Path) -> Requirements:
             raise file.error(
                 "[effort]", f"means nothing for a robot without mass beyond {massless}; give it its inertias"
             )
+        _require_exact(file, robot, payload or 0.0, efforts)
         labels = tuple(("tau_" if unit == "rad" else "F_") + joint for unit, joint in zip(units, joints, strict=True))
 
         def effort(s: State) -> Any:
             return robot.effort(s.q, s.v, s.a, payload=s.p[0] if payload is None else payload)
 
-        constraints.append(PathConstraint("force", effort, *efforts, robot.effort_units, labels))
+        constraints.append(standard.effort_limit(effort, efforts, robot.effort_units, labels))
     elif payload != 0.0:
         raise file.error("[payload]", "changes nothing where the effort has no limits; give [effort] too")
-    if (box := _bounds(file.table("tool", "lower", "upper"), AXES, "x, y, z [m] in the world", True)) is not None:
-        constraints.append(PathConstraint("tool-box", lambda s: robot.tool_pose(s.q)[1], *box, ("m",) * 3, AXES))
+    where = file.table("tool", "lower", "upper")
+    if (box := _bounds(where, standard.AXES, "x, y, z [m] in the world", True)) is not None:
+        constraints.append(standard.tool_box(robot, *box))
     constraints = [limit for limit in constraints if np.isfinite([limit.lower, limit.upper]).any()]
     points = _rest(file.table("rest", "order", "tolerance"), joints, units)
     if not constraints and not points and "continuity" not in file.values:
         raise FileFormatError(f"{path} limits nothing; give at least one finite limit, [rest] or continuity")
     # A bounded m-th derivative means that the one below it does not jump; an effort bounds the acceleration.
-    least = max([0, *(2 if limit.id == "force" else limit.order or 0 for limit in constraints)]) - 1
+    least = max([0, *(2 if limit.id == standard.EFFORT else limit.order or 0 for limit in constraints)]) - 1
     wanted = "a whole number from 0 to 4"
     continuity = file.get("continuity", int, wanted, lambda n: 0 <= n < len(ORDERS), max(least, 0))
-    parameters = ("payload",) if payload is None else ()
-    return Requirements(joints, units, tuple(constraints), points, parameters, continuity)
+    brought = (ParameterBound("payload", 0.0, float("inf"), "kg"),) if payload is None else ()
+    return Requirements(
+        joints, units, tuple(constraints), points, tuple(bound.parameter for bound in brought), continuity,
+        parameter_bounds=brought,
+    )  # fmt: skip
 
 
-def check_joints(trajectory: Trajectory, requirements: Requirements) -> None:
-    """Raises ``InputError`` unless a trajectory has the joints of its limits, in their order."""
-    ours, theirs = list(trajectory.joints), list(requirements.joints)
-    if ours != theirs:
-        raise InputError(
-            f"the trajectory's joints are {quoted(ours, MOST_NAMES)}, those of the limits "
-            f"{quoted(theirs, MOST_NAMES)}; give the same, in the same order"
+def _require_exact(file: _Table, robot: Robot, payload: float, efforts: tuple[Array, Array]) -> None:
+    """Refuses masses for which rounding of the dynamics' constants is more than ``ROUNDED`` of the least effort.
+
+    ``ocp_traj.dynamics`` drops what is below ``ROUND_OFF`` of a link's largest moment of mass.
+    """
+    model = robot.model
+    mass = payload + sum(inertia.mass for inertia in model.inertias)
+    lengths = [*(place.translation for place in model.jointPlacements), robot.tool.translation]
+    reach = 1.0 + float(np.linalg.norm(lengths, axis=1).sum())
+    rounding = ROUND_OFF * mass * (1.0 + float(np.linalg.norm(model.gravity.linear))) * reach
+    least = float(np.abs(efforts)[np.isfinite(efforts) & (np.array(efforts) != 0.0)].min(initial=np.inf))
+    if not rounding <= ROUNDED * least:
+        raise file.error(
+            "[effort]",
+            f"cannot be proved for masses of {mass:.6g} kg in all: rounding of the dynamics, {rounding:.3g}, is more "
+            f"than {ROUNDED:g} of the least effort, {least:.6g}; check the masses",
         )
 
 
@@ -205,7 +226,4 @@ def _rest(table: _Table, joints: Names, units: Names) -> tuple[PointConstraint, 
         return ()
     last = table.get("order", int, "1 to 4, the highest derivative that vanishes", lambda n: 1 <= n < len(ORDERS))
     tolerance = table.get("tolerance", int | float, "a number > 0", lambda x: 0.0 < x <= float_info.max, REST_TOLERANCE)
-    labels = tuple(f"{ORDERS[k]} {joint}" for k in range(1, last + 1) for joint in joints)
-    per_time = tuple(unit + PER_TIME[k] for k in range(1, last + 1) for unit in units)
-    fixed = (((0, 0.0), (-1, 1.0)), np.zeros(1), np.zeros(1), per_time, labels)  # both ends, lower, upper
-    return (PointConstraint("rest", lambda s: casadi.vertcat(*s[1 : last + 1]), *fixed, tolerance=float(tolerance)),)
+    return (standard.rest(joints, units, last, structural=False, tolerance=float(tolerance)),)

@@ -14,7 +14,7 @@ evaluates every limit once a direction: more than ten times the work where the f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any, NamedTuple
 
 import casadi
@@ -22,7 +22,7 @@ import numpy as np
 
 from ocp_traj.errors import ProblemDefinitionError
 
-Cache = Callable[[str, Callable[[], Any]], Any]  # (key, build) -> what was built on first use
+Cache = Callable[[Hashable, Callable[[], Any]], Any]  # (key, build) -> what was built on first use
 
 
 class Derivatives(NamedTuple):
@@ -45,7 +45,7 @@ class Lifted:
         self.symbols = [casadi.MX.sym(f"Y{i}", shape.size_out(i)) for i in range(shape.n_out())]
         self.calls: list[_Call] = []
 
-    def __call__(self, key: str, function: Any, *arguments: Any) -> Any:
+    def __call__(self, key: Hashable, function: Any, *arguments: Any) -> Any:
         """Symbols ``(rows, N)`` in place of ``function.map(N)(*arguments)``; ``key`` names the function."""
         call = _Call(key, function, list(arguments), self.symbols, self.cached)
         self.calls.append(call)
@@ -109,7 +109,7 @@ class Lifted:
 class _Call:
     """A function at instants, its arguments linear in the shape, with what differentiates it."""
 
-    def __init__(self, key: str, function: Any, arguments: list[Any], symbols: list[Any], cached: Cache) -> None:
+    def __init__(self, key: Hashable, function: Any, arguments: list[Any], symbols: list[Any], cached: Cache) -> None:
         self.function, self.count = function, int(arguments[0].shape[1])
         self.values = casadi.MX.sym(f"V {key}", function.size1_out(0), self.count)
         stacked = casadi.vertcat(*arguments)
@@ -124,7 +124,7 @@ class _Call:
         height = sum(self.heights)
         varying = np.zeros(height, dtype=bool)
         varying[np.array(self.matrix.sparsity().row(), dtype=int) % height] = True
-        name = f"{key} {''.join('1' if v else '0' for v in varying)}"
+        name = "local", key, varying.tobytes()
         self.first, self.second, self.active = cached(name, lambda: _local(function, varying))
         chosen = [height * j + i for j in range(self.count) for i in self.active]
         self.active_matrix = self.matrix[chosen, :]

@@ -3,36 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 
 from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.nlp import Solution, Status
-
-if TYPE_CHECKING:
-    from ocp_traj.problem import Problem
+from ocp_traj.nlp import NLPResult, Status
+from ocp_traj.problem import Problem
+from ocp_traj.solution import Optimum, Solution
 
 SAME_VALUE = 1e-6  # relative: objectives further apart make two optima; our choice, 100 x what exchange leaves open
 SAME_CURVE = 1e-2  # of the joints' ranges: curves of one value closer than this are one optimum; our choice
-
-
-@dataclass(frozen=True, eq=False)
-class Optimum:
-    """A local optimum.
-
-    Attributes:
-        solution: the best of those that ended there.
-        starts: how many ended there.
-        way: the problem's word for the way it takes (``Problem.homotopy``), or none.
-        sampled: how many distinct local optima of the first NLP, which sees the first instants only, led there.
-    """
-
-    solution: Solution
-    starts: int
-    way: str = ""
-    sampled: int = 0
 
 
 def distinct(problem: Problem, solutions: Sequence[Solution], solves: int = 1) -> tuple[Optimum, ...]:
@@ -43,7 +24,8 @@ def distinct(problem: Problem, solutions: Sequence[Solution], solves: int = 1) -
     """
     found: list[Optimum] = []
     ended: list[set[int]] = []  # which starts
-    usable = [(i // solves, s) for i, s in enumerate(solutions) if s.status is Status.SOLVED and s.trajectory]
+    all_own = [(i // solves, s.own) for i, s in enumerate(solutions)]
+    usable = [(start, s) for start, s in all_own if s.status is Status.SOLVED and s.trajectory]
     proved_first = sorted(usable, key=lambda entry: (entry[1].audit is None or not entry[1].audit.proved, entry[1].f))
     for start, solution in proved_first:
         assert solution.trajectory is not None
@@ -60,7 +42,7 @@ def distinct(problem: Problem, solutions: Sequence[Solution], solves: int = 1) -
 
 
 def with_sampled(
-    problem: Problem, optima: Sequence[Optimum], pairs: Sequence[tuple[Solution, Solution]]
+    problem: Problem, optima: Sequence[Optimum], pairs: Sequence[tuple[NLPResult, Solution]]
 ) -> tuple[Optimum, ...]:
     """The optima with their ``sampled``, counted by value, from pairs (solution of the first NLP, what it led to)."""
     values: list[list[float]] = [[] for _ in optima]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.errors import ProblemDefinitionError, UnknownName, quoted
-from ocp_traj.requirements import Expression, PathConstraint, Requirements, state_function
+from ocp_traj.objective import Objective
+from ocp_traj.requirements import PathConstraint, Requirements, state_function
 
 if TYPE_CHECKING:
-    from ocp_traj.nlp import Conflict
-    from ocp_traj.trajectory import Trajectory
+    from ocp_traj.motion import Motion
+    from ocp_traj.rows import Conflict
 
 Array = NDArray[np.float64]
 
@@ -62,49 +63,6 @@ class Variable:
 
 
 @dataclass(frozen=True, eq=False)
-class Objective:
-    """A quantity to be made small (or large): exactly one way of computing it is given.
-
-    Attributes:
-        id: unique name, unlike any limit's.
-        unit: SI unit.
-        scale: what a weighted sum divides it by: sum_k w_k f_k / scale_k.
-        sense: ``min`` or ``max``.
-        eq: equation of the source.
-        integrand: of the state; the objective is sum_k T_k sum_r w_r integrand(state(k, u_r)).
-        quadrature: the rule ((u_r, w_r), ..) on a segment of unit length.
-        of_variables: (x, p) -> scalar.
-        variation: of the state, linear in q; the objective is the total variation of its rows, sum_r int |dg_r/dt| dt.
-        terms: {objective id: factor}, a fixed sum of other objectives.
-    """
-
-    id: str
-    unit: str
-    scale: float = 1.0
-    sense: str = "min"
-    eq: str = ""
-    integrand: Expression | None = None
-    quadrature: tuple[tuple[float, float], ...] = ()
-    of_variables: Callable[[Any, Any], Any] | None = None
-    terms: Mapping[str, float] | None = None
-    variation: Expression | None = None
-
-    def __post_init__(self) -> None:
-        """Checks that the objective is given in exactly one way."""
-        ways = (self.integrand, self.of_variables, self.terms, self.variation)
-        if sum(way is not None for way in ways) != 1:
-            raise ProblemDefinitionError(
-                f"objective {self.id!r}: give exactly one of integrand, of_variables, terms, variation"
-            )
-        if (self.integrand is not None) != bool(self.quadrature):
-            raise ProblemDefinitionError(f"objective {self.id!r}: an integrand and its quadrature rule go together")
-        if self.sense not in ("min", "max"):
-            raise ProblemDefinitionError(f"objective {self.id!r}: sense {self.sense!r}; allowed 'min', 'max'")
-        if not (np.isfinite(self.scale) and self.scale > 0.0):
-            raise ProblemDefinitionError(f"objective {self.id!r}: scale {self.scale}; it must be positive")
-
-
-@dataclass(frozen=True, eq=False)
 class Decomposition:
     """A recipe that solves parts of a problem alone and puts them together, whatever that does to the limits.
 
@@ -115,10 +73,6 @@ class Decomposition:
 
     parts: tuple[Problem, ...]
     combine: Callable[[Sequence[Array]], Array]
-
-
-TRAPEZOID = ((0.0, 0.5), (1.0, 0.5))
-MIDPOINT = ((0.5, 1.0),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +93,9 @@ class Problem:
         dilate: (x, s) -> x of the same path s times slower, where the problem allows it.
         default_objective: what ``solve`` minimises when not told.
         reference_point: per objective, the worst value worth having: it bounds a front and its hypervolume.
+        ideal_point: per objective, a value that no front of it and others within the reference point is better than, as
+            far as local solves know: what a front's hypervolume is measured from. Empty for a case whose ideal nobody
+            has looked for; ``benchmarks/ideal_points.py`` does.
         starts: random starts of a local solver when not told how many.
         stepping_stone: an objective that is easy to solve for from a guess; solves for others begin at its optimum.
         instants: a segment, of a first grid of constraint exchange that stays; if not given, degree/2 + 1, at least 3,
@@ -181,6 +138,7 @@ class Problem:
     dilate: Callable[[Array, float], Array] | None = None
     default_objective: str = ""
     reference_point: Mapping[str, float] = field(default_factory=dict)
+    ideal_point: Mapping[str, float] = field(default_factory=dict)
     starts: int = 1
     stepping_stone: str = ""
     instants: int | Mapping[str, Sequence[float]] | None = None
@@ -189,16 +147,16 @@ class Problem:
     expand: bool = False
     local_derivatives: bool = False
     alternatives: Mapping[str, Problem] = field(default_factory=dict)
-    homotopy: Callable[[Trajectory], str] | None = None
+    homotopy: Callable[[Motion], str] | None = None
     settle: Callable[[Array], Array] | None = None
     explain: Callable[[Conflict], str] | None = None
     decomposition: Decomposition | None = None
     scales_in_time: bool = False
     regularisation: Mapping[str, float] = field(default_factory=dict)
-    figures: Callable[[Trajectory], Sequence[tuple[str, float, str]]] | None = None
+    figures: Callable[[Motion], Sequence[tuple[str, float, str]]] | None = None
     solver_options: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    _functions: dict[str, Any] = field(default_factory=dict, repr=False, init=False)
+    _functions: dict[Hashable, Any] = field(default_factory=dict, repr=False, init=False)
 
     def __post_init__(self) -> None:
         """Checks ids, terms and the curve's joints."""
@@ -284,7 +242,7 @@ class Problem:
             free = np.full(rows, np.inf)
             return PathConstraint(objective.id, objective.variation, -free, free, (objective.unit,) * rows, labels)
 
-        limit: PathConstraint = self.cached(f"variation {objective.id}", build)
+        limit: PathConstraint = self.cached(("variation", objective.id), build)
         return limit
 
     def objective(self, name: str) -> Objective:
@@ -301,7 +259,7 @@ class Problem:
         blocks = np.split(np.asarray(x, dtype=float), np.cumsum([len(v.labels) for v in self.variables])[:-1])
         return {v.id: block for v, block in zip(self.variables, blocks, strict=True)}
 
-    def cached(self, key: str, build: Callable[[], Any]) -> Any:
+    def cached(self, key: Hashable, build: Callable[[], Any]) -> Any:
         """A compiled function kept with the problem, built on first use."""
         if key not in self._functions:
             self._functions[key] = build()

@@ -17,14 +17,15 @@ from numpy.typing import NDArray
 
 from ocp_traj.enclosure import Arcs, Pair, parabola_bound, peak_fraction
 from ocp_traj.errors import ProblemDefinitionError
+from ocp_traj.motion import Motion
 from ocp_traj.requirements import ORDERS, PathConstraint, Requirements
 from ocp_traj.tape import Tape
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.verdicts import PROVED, SEVERITY, UNDECIDED, VIOLATED, AuditRow
+from ocp_traj.verdicts import SEVERITY, AuditRow, decide
 
 Array = NDArray[np.float64]
 
-RESOLUTION = 1e-12  # of a limit's scale or value: bounds this close to the largest value's own are not refined
+RESOLUTION = 1e-12  # of a bound's size or the value: bounds this close to the largest value's own are not refined
+UNDERFLOW = 1e-300  # of any unit: far above what is left of rounding a zero outward, far below any quantity
 MAX_SPLITS = 48  # of a segment, one after the other: our choice; an arc halved so often is shorter than rounding tells
 FIRST = 64  # arcs of the first pass, at least: a pass of the tape takes hardly longer for as many as for one
 FEW = 1024  # arcs whose halves are halved at once, for the same reason
@@ -107,13 +108,15 @@ class Prover:
     """
 
     def __init__(
-        self, trajectories: Sequence[Trajectory], requirements: Requirements, limit: PathConstraint,
+        self, trajectories: Sequence[Motion], requirements: Requirements, limit: PathConstraint,
         allowance: float, tightness: float, max_arcs: int,
     ) -> None:  # fmt: skip
         self.limit, self.trajectories, self.max_arcs = limit, trajectories, max_arcs
-        self.allowance, self.tightness = allowance, tightness
+        self.tightness = tightness
         count, rows = len(trajectories), len(limit.labels)
         self.bound, self.scale = np.stack([limit.upper, -limit.lower]), limit.scale
+        self.allowance = allowance_of(self.bound, allowance)
+        self.size = np.where(np.isfinite(self.bound) & (self.bound != 0.0), np.abs(self.bound), self.scale)
         self.attained = np.full((2, rows, count), -np.inf)  # lower bound of the largest value
         self.place = np.zeros((2, 2, rows, count))  # segment and local time of that value
         self.floor = np.full((2, rows, count), -np.inf)  # no bound can be below: the largest value's own upper bound
@@ -205,11 +208,11 @@ class Prover:
     def _open(self, batch: _Batch, bound: Array) -> NDArray[np.bool_]:
         """Which sides, rows and arcs need refining, and can gain by it: not decided, or not tight."""
         scale, owner = self.scale[:, None], batch.arcs.owner
-        allowed = self.bound[:, :, None] + self.allowance * scale
+        allowed = (self.bound + self.allowance)[:, :, None]
         attained, floor = self.attained[..., owner], self.floor[..., owner]
         ends = np.maximum(batch.start[1], batch.end[1])
         with np.errstate(over="ignore"):
-            above = floor + RESOLUTION * np.maximum(scale, np.abs(floor))
+            above = floor + RESOLUTION * np.maximum(self.size[:, :, None], np.abs(floor))
             tight = np.maximum(attained + self.tightness * scale, above)
             # Hopeless: a value found so far cannot be told from one beyond the limit; nor can this arc's own ends.
             least = np.maximum(ends + 1e-15 * np.abs(ends) + 1e-300, np.where(floor > allowed, above, -np.inf))
@@ -293,19 +296,20 @@ class Prover:
 
     def _row(self, side: int, row: int, index: int) -> AuditRow:
         limit, at, sign = self.limit, (side, row, index), (1.0, -1.0)[side]
-        bound, scale = float(self.bound[side, row]), float(self.scale[row])
+        bound, scale, allowance = float(self.bound[side, row]), float(self.scale[row]), float(self.allowance[side, row])
         attained, proved = float(self.attained[at]), float(self.proved[at])
-        verdict = UNDECIDED
-        if attained > bound + self.allowance * scale:
-            verdict = VIOLATED
-        elif proved <= bound + self.allowance * scale:
-            verdict = PROVED
         curve, segment = self.trajectories[index].curve, int(self.place[0][at])
         instant = float(curve.knots[segment] + self.place[1][at] * curve.durations[segment])
         return AuditRow(
             limit.id, limit.labels[row], limit.units[row], sign * bound, sign * attained, instant,
-            sign * proved, (bound - proved) / scale, verdict, int(self.boxes[index]),
+            sign * proved, (bound - proved) / scale, decide(attained, proved, bound + allowance),
+            int(self.boxes[index]), allowance=allowance,
         )  # fmt: skip
+
+
+def allowance_of(bound: Array, share: float) -> Array:
+    """What each bound may be exceeded by: a share of its own size; of zero, what outward rounding makes of a zero."""
+    return np.where(np.isfinite(bound), np.maximum(share * np.abs(bound), UNDERFLOW), 0.0)
 
 
 @dataclass

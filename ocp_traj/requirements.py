@@ -6,7 +6,7 @@ plots and tables read the same expression.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -225,6 +225,46 @@ class PointConstraint:
 
 
 @dataclass(frozen=True, eq=False)
+class DurationConstraint:
+    """lower <= T_k <= upper for some segments of the curve: the pieces of a path whose speed is given.
+
+    Attributes:
+        id: unique name.
+        segments: of the curve, counted from 0; a negative one counts from the end.
+        lower, upper: ``(segments,)`` or what broadcasts to it [s]; equal for an equality.
+        eq: equation or table of the source.
+        tolerance: what the audit allows, as a share of the bound.
+    """
+
+    id: str
+    segments: tuple[int, ...]
+    lower: Array
+    upper: Array
+    eq: str = ""
+    tolerance: float = 1e-9
+
+    def __post_init__(self) -> None:
+        """Checks shapes and bounds."""
+        for name in ("lower", "upper"):
+            bound = np.broadcast_to(np.asarray(getattr(self, name), dtype=float), (len(self.segments),)).copy()
+            object.__setattr__(self, name, bound)
+        if not self.segments or not ((self.lower >= 0.0) & (self.lower <= self.upper)).all():
+            raise ProblemDefinitionError(
+                f"duration constraint {self.id!r}: give one or more segments, each with 0 <= lower <= upper [s]"
+            )
+
+
+@dataclass(frozen=True)
+class ParameterBound:
+    """lower <= p <= upper for a global parameter that a trajectory brings along, such as its payload."""
+
+    parameter: str
+    lower: float
+    upper: float
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
 class Requirements:
     """What a trajectory has to meet, whoever made it: all that the audit needs beside the trajectory.
 
@@ -234,6 +274,8 @@ class Requirements:
         parameters: labels of the global parameters p.
         continuity: the curve is promised to be C^continuity at its inner knots; -1 for no promise.
         joint_units: one a joint.
+        duration_constraints: on segments whose time is given.
+        parameter_bounds: of parameters that nothing else decides.
     """
 
     joints: tuple[str, ...]
@@ -242,11 +284,18 @@ class Requirements:
     point_constraints: tuple[PointConstraint, ...] = ()
     parameters: tuple[str, ...] = ()
     continuity: int = -1
-    _functions: dict[str, Any] = field(default_factory=dict, repr=False, init=False)
+    duration_constraints: tuple[DurationConstraint, ...] = ()
+    parameter_bounds: tuple[ParameterBound, ...] = ()
+    _functions: dict[Hashable, Any] = field(default_factory=dict, repr=False, init=False)
 
     def __post_init__(self) -> None:
         """Checks that ids are unique and that every expression has the shape of its labels."""
         limits: list[PathConstraint | PointConstraint] = [*self.path_constraints, *self.point_constraints]
+        for bound in self.parameter_bounds:
+            if bound.parameter not in self.parameters:
+                raise ProblemDefinitionError(
+                    f"there is a bound on the parameter {bound.parameter!r}; parameters are {list(self.parameters)}"
+                )
         for name in self.ids:
             if self.ids.count(name) > 1:
                 raise ProblemDefinitionError(f"limit id {name!r} is used {self.ids.count(name)} times; ids are unique")
@@ -265,21 +314,24 @@ class Requirements:
     @property
     def ids(self) -> list[str]:
         """Ids of all limits."""
-        return [*(c.id for c in self.path_constraints), *(c.id for c in self.point_constraints)]
+        groups = (self.path_constraints, self.point_constraints, self.duration_constraints)
+        return [limit.id for group in groups for limit in group]
 
     def function(self, limit: PathConstraint | PointConstraint) -> Any:
         """The limit's compiled expression, built once; see ``state_function``."""
-        if limit.id not in self._functions:
+
+        def build() -> Any:
             constants = getattr(limit, "constants", None)
             width = 0 if constants is None else constants.shape[1]
-            self._functions[limit.id] = state_function(
+            return state_function(
                 limit.id, limit.expression, self.dof, len(self.parameters), width, getattr(limit, "sweep", False)
             )
-        return self._functions[limit.id]
+
+        return self.compiled(limit, "expression", build)
 
     def compiled(self, limit: PathConstraint | PointConstraint, what: str, build: Callable[[], Any]) -> Any:
         """Something built from the limit's expression, kept for the next use."""
-        key = f"{limit.id} {what}"
+        key = limit.id, what
         if key not in self._functions:
             self._functions[key] = build()
         return self._functions[key]

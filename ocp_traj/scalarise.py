@@ -12,9 +12,11 @@ from math import isfinite
 from typing import Any, Protocol
 
 import casadi
+import numpy as np
 
 from ocp_traj.errors import InputError, UnknownName, quoted
-from ocp_traj.problem import Objective, Problem
+from ocp_traj.objective import Objective
+from ocp_traj.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -147,6 +149,18 @@ class GoalAttainment:
             objective = problem.objective(name)
             rows.append((name, _signed(objective, values[name]), float(_signed(objective, bound))))
         return Scalarised(gamma, tuple(rows), gamma)
+
+
+def value_of(problem: Problem, scalarisation: Scalarisation, objectives: Mapping[str, float]) -> tuple[float, float]:
+    """What is minimised, at values of the objectives, and by how much a row is exceeded that nothing else can meet."""
+    scalar = scalarisation.apply(problem, objectives)
+    if scalar.extra is None:
+        return float(scalar.f), max((float(value) - bound for _, value, bound in scalar.rows), default=0.0)
+    rows = casadi.Function("rows", [scalar.extra], [casadi.vertcat(*(v - bound for _, v, bound in scalar.rows))])
+    at_zero, at_one = (np.array(rows(number)).ravel() for number in (0.0, 1.0))
+    falls = at_zero - at_one > 0.0  # with gamma, in which rows are linear
+    least = float((at_zero[falls] / (at_zero - at_one)[falls]).max())
+    return least, float(at_zero[~falls].max(initial=0.0))
 
 
 def check_names(problem: Problem, scalarisation: Scalarisation) -> None:

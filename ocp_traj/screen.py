@@ -6,7 +6,7 @@ import json as json_module
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,13 @@ from rich.text import Text
 
 from ocp_traj import progress as progress_module
 from ocp_traj.errors import cut
+from ocp_traj.files import plain
 from ocp_traj.front import Front, Hypervolume
-from ocp_traj.nlp import Solution
+from ocp_traj.objective import rule_name
 from ocp_traj.problem import Problem
 from ocp_traj.reproduce import Reproduction
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.payload import LargestPayload
-from ocp_traj.store import plain
 from ocp_traj.verdicts import CHECKED, Audit, AuditRow
 
 WIDE = 160  # columns of a table that does not go to a terminal
@@ -95,7 +96,9 @@ def problem_list(problems: Sequence[Problem]) -> Sheet:
         {
             "id": p.id,
             "title": p.title,
-            "robot": f"{p.robot.model.name}, {p.requirements.dof} joints",
+            "robot": f"{p.robot.model.name}, {p.requirements.dof} joints"
+            if p.robot
+            else f"{p.requirements.dof} joints",
             "curve": p.curve_kind,
             "variables": p.size,
             "objectives": [o.id for o in p.objectives],
@@ -114,7 +117,7 @@ def _notes(problem: Problem) -> list[Rows]:
 
 def problem_sheet(problem: Problem) -> Sheet:
     """A problem's case, variables, objectives and limits."""
-    case = {name: getattr(problem.case, name) for name in problem.case.__dataclass_fields__}
+    case = {f.name: getattr(problem.case, f.name) for f in fields(problem.case)} if is_dataclass(problem.case) else {}
     variables = [
         {"id": v.id, "label": label, "lower": float(low), "upper": float(high), "unit": v.unit, "eq": v.eq}
         for v in problem.variables
@@ -128,6 +131,7 @@ def problem_sheet(problem: Problem) -> Sheet:
             "sense": o.sense,
             "eq": o.eq,
             "reference": problem.reference_point.get(o.id),
+            "integral by": rule_name(o.quadrature),
         }
         for o in problem.objectives
     ]
@@ -187,24 +191,30 @@ def audit_values(checked: Audit) -> dict[str, Any]:
         "verdict": checked.verdict,
         "margin": checked.margin,
         "allowance": checked.allowance,
+        "parameters": dict(checked.parameters),
         "rows": [vars(r) for r in checked.rows],
     }
 
 
 def _audit_tables(checked: Audit) -> list[Rows]:
-    columns = ["limit", "joint", "unit", "bound", "attained", "t [s]", "margin", "verdict"]
+    columns = ["limit", "joint", "unit", "bound", "allowance", "attained", "t [s]", "margin", "verdict"]
     proofs = [row for row in checked.rows if row.boxes]
     checks = [row for row in checked.rows if not row.boxes]
     tables: list[Rows] = [
         (
             f"Audit: {checked.verdict}",
             columns,
-            [[r.limit, r.label, r.unit, r.bound, r.attained, r.instant, r.margin, r.verdict] for r in proofs],
+            [
+                [r.limit, r.label, r.unit, r.bound, r.allowance, r.attained, r.instant, r.margin, r.verdict]
+                for r in proofs
+            ],
         )
     ]
     if checks:
         failed = [row for row in checks if row.verdict != CHECKED]
-        title = f"Points and continuity: {len(checks) - len(failed)} of {len(checks)} within tolerance"
+        title = (
+            f"Points, times, variables and continuity: {len(checks) - len(failed)} of {len(checks)} within tolerance"
+        )
         worst: Sequence[AuditRow] = failed or sorted(checks, key=lambda row: row.margin)[:1]
         names = ["row", "joint", "unit", "allowed", "found", "t [s]", "verdict"]
         rows = [[r.limit, r.label, r.unit, r.bound, r.attained, r.instant, r.verdict] for r in worst]
@@ -234,6 +244,8 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         "iterations": solution.iterations,
         "rounds": solution.rounds,
         "rows": solution.row_count,
+        "starts": solution.starts,
+        "moved": solution.moved,
         "conflicts": [
             {
                 "limit": c.row.limit,
@@ -335,7 +347,7 @@ def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
         "points": len(front),
         "seconds": front.seconds,
         "seed": front.seed,
-        "hypervolume": vars(volume),
+        "hypervolume": volume.to_dict(),
         "spread": front.spread(),
         "knee": knee,
         "info": dict(front.info),
@@ -343,15 +355,18 @@ def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
         "run": str(folder),
         "picture": str(folder / "front.png"),
     }
+    own = " (from its own ideal: not comparable)" if volume.own_ideal else ""
     title = (
         f"{front.problem.id}: {len(front)} proved points by {front.method} in {front.seconds:.1f} s; "
-        f"hypervolume {volume.value:.4f}, spread {front.spread():.3f}, knee at point {knee}"
+        f"hypervolume {volume.value:.4f}{own}, spread {front.spread():.3f}, knee at point {knee}"
     )
     return Sheet(data, [(title, ["point", *columns], rows), *_notes(front.problem)])
 
 
 def front_remarks(front: Front) -> Iterator[str]:
     """What a reader of a front should not overlook."""
+    if front.info.get("moved") is False:
+        yield f"{front.method} found nothing better than its first generation, which is what this front is made of"
     if front.info.get("conflict") is False:
         yield f"{' and '.join(front.objectives)} do not conflict here: one trajectory is best in both"
     refined, known = front.info.get("points to refine", 0), front.info.get("genetic front", 0)

@@ -1,35 +1,27 @@
-"""Seams: where a torch has to be, and how it has to point, at each length of arc; smooth polynomials of them by parts.
+"""Seams: where a torch has to be, and how it has to point, at each length of arc; that of two tubes.
 
-A seam is sampled by its arc length s; ``pieces`` writes it as one polynomial a segment, which is what a limit needs:
-the place and the axis of the torch in closed form at any instant.
+A seam is sampled by its arc length s. Its formula, in a parameter of its own, is what bounds are proved from.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from io import StringIO
 from itertools import pairwise
 from math import isfinite, pi
-from pathlib import Path
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol
 
+import casadi
 import numpy as np
-import pandas as pd
-from numpy.polynomial import chebyshev, polynomial
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import fixed_quad
-from scipy.interpolate import make_interp_spline
 
-from ocp_traj.errors import InputError, cut
-from ocp_traj.files import read_text
+from ocp_traj.errors import InputError
 
 Array = NDArray[np.float64]
 
-DEGREE = 12  # of the polynomials of a piece: our choice; with 9 tags a tubular seam is met to 1e-10 of its length
 PARTS = 256  # of a seam, whose lengths are integrated by Gauss and Legendre's rule: our choice
 NODES = 8  # of that rule
-CHECKS = 201  # places a piece at which polynomials are compared with the seam: our choice
+KINK = 1e-12  # of cos phi, by which rounding may take the end of a stretch past a kink: our choice
 
 
 class SeamPoints(NamedTuple):
@@ -46,6 +38,22 @@ class SeamPoints(NamedTuple):
     axis: Array
 
 
+class Formula(NamedTuple):
+    """A seam as casadi SX expressions of a parameter t that runs along it.
+
+    Attributes:
+        t: the parameter.
+        constants: symbols ``(n,)``, whose values differ from stretch to stretch.
+        position: ``(3,)`` [m], not by arc length but by t.
+        axis: ``(3,)``, a unit vector.
+    """
+
+    t: Any
+    constants: Any
+    position: Any
+    axis: Any
+
+
 class Seam(Protocol):
     """What a torch follows."""
 
@@ -53,11 +61,26 @@ class Seam(Protocol):
     def length(self) -> float:
         """Of the arc [m]."""
 
+    @property
+    def breaks(self) -> Array:
+        """Lengths of arc [m] at which the constants of the formula change, ascending."""
+
+    @property
+    def formula(self) -> Formula:
+        """The seam as an expression."""
+
     def at(self, s: ArrayLike) -> SeamPoints:
         """The seam at lengths of arc ``(N,)`` [m]."""
 
+    def parameter(self, s: ArrayLike) -> Array:
+        """The formula's parameter ``(N,)`` at lengths of arc ``(N,)`` [m]."""
 
-def _unit(vectors: Array) -> Array:
+    def constants(self, low: Array, high: Array) -> Array:
+        """The formula's constants ``(n, N)`` on stretches of t between breaks; NaN where it does not hold all along."""
+
+
+def unit(vectors: Array) -> Array:
+    """Vectors ``(.., 3)`` of length 1."""
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
@@ -78,10 +101,15 @@ class Placement:
         if len(self.origin) != 3 or not all(map(isfinite, (*self.origin, self.yaw))):
             raise InputError(f"a part stands at {self.origin}, turned by {self.yaw} rad; give finite numbers")
 
+    @property
+    def matrix(self) -> Array:
+        """What turns a row vector of the part into the world's ``(3, 3)``."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
     def rotate(self, vectors: Array) -> Array:
         """Vectors ``(N, 3)`` of the part in the world."""
-        c, s = np.cos(self.yaw), np.sin(self.yaw)
-        return np.asarray(vectors @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]))
+        return np.asarray(vectors @ self.matrix)
 
     def move(self, points: Array) -> Array:
         """Points ``(N, 3)`` of the part in the world [m]."""
@@ -154,6 +182,37 @@ class TubeSeam:
     def _speed(self, phi: Array) -> Array:
         return np.asarray(np.linalg.norm(self._derivative(np.asarray(phi)), axis=-1))
 
+    @property
+    def breaks(self) -> Array:
+        """None: one formula holds all along, but for the kinks of tubes of one radius."""
+        return np.zeros(0)
+
+    @property
+    def formula(self) -> Formula:
+        """As in ``at``, of phi; the constant is the sign of cos phi, which tubes of one radius need."""
+        phi, sign = casadi.SX.sym("phi"), casadi.SX.sym("sign")
+        r, chord_radius, psi = self.brace_radius, self.chord_radius, self.psi
+        sine, cosine = casadi.sin(phi), casadi.cos(phi)
+        c = sign * chord_radius * cosine if r == chord_radius else casadi.sqrt(chord_radius**2 - (r * sine) ** 2)
+        position = casadi.vertcat((c * np.cos(psi) + r * cosine) / np.sin(psi), r * sine, c)
+        chord = casadi.vertcat(0.0, r * sine, c) / chord_radius
+        inward = -chord - casadi.vertcat(cosine * np.sin(psi), sine, -cosine * np.cos(psi))
+        turn = self.place.matrix.T @ np.diag([-1.0 if self.mirrored else 1.0, 1.0, 1.0])
+        place = casadi.mtimes(casadi.DM(turn), position) + casadi.DM(self.place.origin)
+        return Formula(phi, sign, place, casadi.mtimes(casadi.DM(turn), inward / casadi.norm_2(inward)))
+
+    def parameter(self, s: ArrayLike) -> Array:
+        """Phi ``(N,)`` [rad] at lengths of arc ``(N,)`` [m]."""
+        return self.angle(s)
+
+    def constants(self, low: Array, high: Array) -> Array:
+        """Sign of cos phi ``(1, N)``; NaN where tubes of one radius have a kink within."""
+        sign = np.where(np.cos((low + high) / 2.0) < 0.0, -1.0, 1.0)
+        kinked = (np.minimum(sign * np.cos(low), sign * np.cos(high)) < -KINK) & (
+            self.brace_radius == self.chord_radius
+        )
+        return np.where(kinked, np.nan, sign)[None]
+
     def angle(self, s: ArrayLike) -> Array:
         """Phi ``(N,)`` [rad] at lengths of arc ``(N,)`` [m], by Newton's method on the integral of the speed."""
         lengths = np.atleast_1d(np.asarray(s, dtype=float))
@@ -193,169 +252,11 @@ class TubeSeam:
         c, _ = self._height(phi)
         along = (c * np.cos(self.psi) + self.brace_radius * np.cos(phi)) / np.sin(self.psi)
         position = np.stack([along, self.brace_radius * np.sin(phi), c], axis=-1)
-        tangent = _unit(np.sign(self.phi[1] - self.phi[0]) * self._derivative(phi))
+        tangent = unit(np.sign(self.phi[1] - self.phi[0]) * self._derivative(phi))
         chord, brace = self.normals(phi)
         return SeamPoints(
-            self._world(position) + np.array(self.place.origin), self._world(tangent), -_unit(chord + brace)
+            self._world(position) + np.array(self.place.origin), self._world(tangent), -unit(chord + brace)
         )
 
     def _world(self, vectors: Array) -> Array:
         return self.place.rotate(vectors * np.array([-1.0, 1.0, 1.0]) if self.mirrored else vectors)
-
-
-class PolylineSeam:
-    """A seam through given points, each with the axis of the torch: quintic splines through them, C4.
-
-    Args:
-        points: ``(N, 3)`` [m], six or more.
-        axes: ``(N, 3)``, along which the torch points; any length but zero.
-        place: of the points in the world.
-    """
-
-    def __init__(self, points: ArrayLike, axes: ArrayLike, place: Placement | None = None) -> None:
-        """Checks the points and measures the arc."""
-        place = place or Placement()
-        given, directions = np.asarray(points, dtype=float), np.asarray(axes, dtype=float)
-        if given.ndim != 2 or given.shape[1] != 3 or directions.shape != given.shape or len(given) < 6:
-            raise InputError(
-                f"a seam has points {given.shape} and axes {directions.shape}; give six or more points (N, 3) and as "
-                "many axes"
-            )
-        steps = np.linalg.norm(np.diff(given, axis=0), axis=1)
-        sizes = np.linalg.norm(directions, axis=1)
-        if not (np.isfinite(given).all() and np.isfinite(directions).all()):
-            raise InputError("a seam's points and axes have to be finite numbers")
-        for what, values in (("points {0} and {1} of a seam are the same", steps), ("axis {0} of a seam is 0", sizes)):
-            if not (values > 0.0).all():
-                at = int(np.argmin(values)) + 1
-                raise InputError(what.format(at, at + 1) + "; leave one out or correct it")
-        chord = np.concatenate([[0.0], np.cumsum(steps)])
-        self._position = make_interp_spline(chord, place.move(given), k=5)
-        self._axis = make_interp_spline(chord, place.rotate(_unit(directions)), k=5)
-        self._edges = np.unique(np.concatenate([np.linspace(a, b, 9) for a, b in pairwise(chord)]))
-        arcs = [fixed_quad(self._speed, a, b, n=NODES)[0] for a, b in pairwise(self._edges)]
-        self._lengths = np.concatenate([[0.0], np.cumsum(arcs)])
-
-    @classmethod
-    def read(cls, file: str | Path, place: Placement | None = None) -> Self:
-        """From a CSV file with the columns x, y, z [m] and nx, ny, nz, the normal that points out of the seam."""
-        path, wanted = Path(file), ["x", "y", "z", "nx", "ny", "nz"]
-        text = read_text(path, "seam")
-        try:
-            table = pd.read_csv(StringIO(text))
-        except ValueError as error:  # of pandas' parser
-            raise InputError(f"{path} is no readable CSV file: {error}") from error
-        table.columns = [str(name).split("[")[0].strip() for name in table.columns]
-        missing = [name for name in wanted if name not in table.columns]
-        if missing:
-            raise InputError(f"{path} lacks the columns {', '.join(missing)}; a seam needs {', '.join(wanted)}")
-        try:
-            numbers = table[wanted].to_numpy(dtype=float)
-        except ValueError as error:
-            raise InputError(f"{path}: {cut(str(error))}; give numbers") from error
-        return cls(numbers[:, :3], -numbers[:, 3:], place)
-
-    @property
-    def length(self) -> float:
-        """Of the arc [m]."""
-        return float(self._lengths[-1])
-
-    def _speed(self, t: Array) -> Array:
-        return np.asarray(np.linalg.norm(self._position(t, 1), axis=-1))
-
-    def at(self, s: ArrayLike) -> SeamPoints:
-        """The seam at lengths of arc ``(N,)`` [m]."""
-        lengths = np.atleast_1d(np.asarray(s, dtype=float))
-        if not ((lengths >= -1e-12) & (lengths <= self.length + 1e-12)).all():
-            raise InputError(
-                f"a seam of {self.length:.6g} m has no place at {lengths.min():.6g} .. {lengths.max():.6g} m"
-            )
-        part = np.clip(np.searchsorted(self._lengths, lengths, side="right") - 1, 0, len(self._edges) - 2)
-        base, left = self._edges[part], np.clip(lengths - self._lengths[part], 0.0, None)
-        nodes, weights = np.polynomial.legendre.leggauss(NODES)
-        step = left / self._speed(base)
-        for _ in range(8):
-            inner = base[:, None] + step[:, None] * (1.0 + nodes) / 2.0
-            step = step - (step * (self._speed(inner) @ weights) / 2.0 - left) / self._speed(base + step)
-        t = base + step
-        return SeamPoints(self._position(t), _unit(self._position(t, 1)), _unit(self._axis(t)))
-
-
-@dataclass(frozen=True, eq=False)
-class Pieces:
-    """A seam in pieces of equal length, each a polynomial in w = 2 u - 1 of the local time u.
-
-    Attributes:
-        tags: lengths of arc at which pieces meet ``(K + 1,)`` [m].
-        position: coefficients, lowest first ``(K, degree + 1, 3)`` [m].
-        axis: likewise; not quite unit vectors.
-        position_error: largest distance between seam and polynomials found [m].
-        axis_error: likewise of the axis.
-    """
-
-    tags: Array
-    position: Array
-    axis: Array
-    position_error: float
-    axis_error: float
-
-    @property
-    def constants(self) -> Array:
-        """Both polynomials' coefficients, one row a piece ``(K, 6 (degree + 1))``; see ``split``."""
-        count = len(self.position)
-        return np.concatenate([self.position.reshape(count, -1), self.axis.reshape(count, -1)], axis=1)
-
-    def values(self, k: int, u: ArrayLike) -> tuple[Array, Array]:
-        """Positions and axes ``(N, 3)`` of piece k at local times ``(N,)``."""
-        w = 2.0 * np.atleast_1d(np.asarray(u, dtype=float)) - 1.0
-        return (
-            np.asarray(polynomial.polyval(w, self.position[k])).T,
-            np.asarray(polynomial.polyval(w, self.axis[k])).T,
-        )
-
-
-def pieces(seam: Seam, tags: int, degree: int = DEGREE) -> Pieces:
-    """Cuts a seam at ``tags`` places of equal distance and interpolates each piece at Chebyshev's nodes."""
-    if tags < 2:
-        raise InputError(f"a seam has {tags} tags; give two or more")
-    cuts = np.linspace(0.0, seam.length, tags)
-    nodes = chebyshev.chebpts1(degree + 1)
-    inverse = np.linalg.inv(chebyshev.chebvander(nodes, degree))
-    check = np.linspace(-1.0, 1.0, CHECKS)
-    position, axis, errors = [], [], []
-    for a, b in pairwise(cuts):
-        sample = seam.at(a + (b - a) * (1.0 + nodes) / 2.0)
-        powers = [
-            np.stack([_power(column, degree) for column in (inverse @ values).T], axis=-1)
-            for values in (sample.position, sample.axis)
-        ]
-        exact = seam.at(a + (b - a) * (1.0 + check) / 2.0)
-        errors.append(
-            [
-                np.linalg.norm(np.asarray(polynomial.polyval(check, p)).T - e, axis=1).max()
-                for p, e in zip(powers, (exact.position, exact.axis), strict=True)
-            ]
-        )
-        position.append(powers[0])
-        axis.append(powers[1])
-    worst = np.max(errors, axis=0)
-    return Pieces(cuts, np.array(position), np.array(axis), float(worst[0]), float(worst[1]))
-
-
-def _power(coefficients: Sequence[float] | Array, degree: int) -> Array:
-    """Powers' coefficients from Chebyshev's, of full length even where the highest are zero."""
-    found = chebyshev.cheb2poly(coefficients)
-    return np.pad(found, (0, degree + 1 - len(found)))
-
-
-def at_piece(constants: Any, u: Any, degree: int = DEGREE) -> tuple[Any, Any]:
-    """Place and axis ``(3,)`` of a torch at local time u of a piece, symbolic, from its row of ``Pieces.constants``."""
-    w = 2.0 * u - 1.0
-    found = []
-    for part in range(2):
-        value: Any = 0.0
-        for power in range(degree, -1, -1):
-            first = 3 * (degree + 1) * part + 3 * power
-            value = value * w + constants[first : first + 3]
-        found.append(value)
-    return found[0], found[1]

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from ocp_traj.enclosure import Arcs, Pair, parabola_bound, peak_fraction
 from ocp_traj.errors import ProblemDefinitionError
-from ocp_traj.prover import RESOLUTION, curvature_function, domain_function
+from ocp_traj.motion import Motion
+from ocp_traj.prover import RESOLUTION, allowance_of, curvature_function, domain_function
 from ocp_traj.requirements import ORDERS, PathConstraint, Requirements
 from ocp_traj.tape import Tape
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.verdicts import PROVED, SEVERITY, UNDECIDED, VIOLATED, AuditRow
+from ocp_traj.verdicts import SEVERITY, AuditRow, decide
 
 Array = NDArray[np.float64]
 
@@ -48,11 +48,11 @@ class SweptProver:
     """Encloses one swept limit over all segments of all trajectories; see ``ocp_traj.prover.Prover``."""
 
     def __init__(
-        self, trajectories: Sequence[Trajectory], requirements: Requirements, limit: PathConstraint,
+        self, trajectories: Sequence[Motion], requirements: Requirements, limit: PathConstraint,
         allowance: float, tightness: float, max_arcs: int,
     ) -> None:  # fmt: skip
         self.trajectories, self.limit = trajectories, limit
-        self.allowance, self.tightness, self.max_arcs = allowance, tightness, max_arcs
+        self.tightness, self.max_arcs = tightness, max_arcs
         if limit.constants is not None and any(len(limit.constants) != t.curve.segments for t in trajectories):
             raise ProblemDefinitionError(
                 f"limit {limit.id!r} has constants for {len(limit.constants)} segments; the trajectories have "
@@ -61,13 +61,14 @@ class SweptProver:
         self.order = max(requirements.order(limit), 0)
         self.value, self.curvature = requirements.compiled(limit, "proof", lambda: _compile(requirements, limit))
         self.bound, self.scale = np.stack([limit.upper, -limit.lower]), limit.scale
+        self.allowance = allowance_of(self.bound, allowance)
         self.names = requirements.parameters
 
     def run(self) -> list[list[AuditRow]]:
         """One row a row of the limit, for each trajectory."""
         return [self._trajectory(trajectory) for trajectory in self.trajectories]
 
-    def _trajectory(self, trajectory: Trajectory) -> list[AuditRow]:
+    def _trajectory(self, trajectory: Motion) -> list[AuditRow]:
         rows = len(self.limit.labels)
         self.parameters = np.array([[trajectory.parameters[name]] for name in self.names]).reshape(-1, 1)
         self.attained = np.full((2, rows), -np.inf)
@@ -87,7 +88,7 @@ class SweptProver:
                 pending.append(self._cut(part.take(keep), cut_time[keep], at[keep], at_sweep[keep]))
         return self._rows(trajectory)
 
-    def _start(self, trajectory: Trajectory) -> _Rectangles:
+    def _start(self, trajectory: Motion) -> _Rectangles:
         parts = []
         for k, points in enumerate(trajectory.curve.control_points):
             if not self.limit.holds_on(k):
@@ -207,7 +208,7 @@ class SweptProver:
     def _open(self, bound: Array) -> NDArray[np.bool_]:
         """Which sides, rows and rectangles need refining: not decided, or not tight."""
         scale = self.scale[:, None]
-        allowed = self.bound[:, :, None] + self.allowance * scale
+        allowed = (self.bound + self.allowance)[:, :, None]
         attained = self.attained[..., None]
         with np.errstate(invalid="ignore"):
             tight = attained + np.maximum(self.tightness, RESOLUTION) * scale
@@ -215,27 +216,24 @@ class SweptProver:
         loose = ~(bound <= tight)
         return np.asarray((undecided | loose) & np.isfinite(self.bound)[:, :, None])
 
-    def _rows(self, trajectory: Trajectory) -> list[AuditRow]:
+    def _rows(self, trajectory: Motion) -> list[AuditRow]:
         rows = []
         for row in range(len(self.limit.labels)):
             sides = [self._row(trajectory, side, row) for side in (0, 1) if np.isfinite(self.bound[side, row])]
             rows.append(max(sides, key=lambda r: (SEVERITY[r.verdict], -r.margin)))
         return rows
 
-    def _row(self, trajectory: Trajectory, side: int, row: int) -> AuditRow:
+    def _row(self, trajectory: Motion, side: int, row: int) -> AuditRow:
         limit, sign = self.limit, (1.0, -1.0)[side]
         bound, scale = float(self.bound[side, row]), float(self.scale[row])
         attained, proved = float(self.attained[side, row]), float(self.proved[side, row])
-        verdict = UNDECIDED
-        if attained > bound + self.allowance * scale:
-            verdict = VIOLATED
-        elif proved <= bound + self.allowance * scale:
-            verdict = PROVED
+        allowance = float(self.allowance[side, row])
         curve, segment = trajectory.curve, int(self.place[0, side, row])
         instant = float(curve.knots[segment] + self.place[1, side, row] * curve.durations[segment])
         return AuditRow(
             limit.id, limit.labels[row], limit.units[row], sign * bound, sign * attained, instant,
-            sign * proved, (bound - proved) / scale, verdict, self.boxes, float(self.place[2, side, row]),
+            sign * proved, (bound - proved) / scale, decide(attained, proved, bound + allowance), self.boxes,
+            float(self.place[2, side, row]), allowance,
         )  # fmt: skip
 
 

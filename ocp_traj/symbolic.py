@@ -16,7 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier, total_variation
 from ocp_traj.local_derivatives import Lifted
-from ocp_traj.problem import Objective, Problem
+from ocp_traj.motion import Motion
+from ocp_traj.objective import Objective
+from ocp_traj.problem import Problem
 from ocp_traj.requirements import ORDERS, derivative_order, state_function
 
 Array = NDArray[np.float64]
@@ -54,7 +56,7 @@ class SymbolicCurve:
         """
         if self.lifted is None:
             return function.map(len(segments))(states_at(self, segments, u), *rest)
-        timed = self.problem.cached(f"timed {key}", lambda: _in_local_time(function, self.problem.requirements.dof))
+        timed = self.problem.cached(("timed", key), lambda: _in_local_time(function, self.problem.requirements.dof))
         durations = casadi.horzcat(*(self.durations[k] for k in segments))
         return self.lifted(key, timed, states_at(self, segments, u, local=True), durations, *rest)
 
@@ -108,7 +110,7 @@ def _segment_states(problem: Problem, degree: int) -> Any:
         states = casadi.vertcat(*(curve.at(0, u, order).T for order in range(len(ORDERS))))
         return casadi.Function("segment_states", [casadi.vec(points), duration, u], [casadi.densify(states)])
 
-    return problem.cached(f"segment states {degree}", build)
+    return problem.cached(("segment states", degree), build)
 
 
 def curve_function(problem: Problem) -> Any:
@@ -121,6 +123,13 @@ def curve_function(problem: Problem) -> Any:
         return casadi.Function("curve", [x], outputs)
 
     return problem.cached("curve", build)
+
+
+def motion_of(problem: Problem, x: ArrayLike) -> Motion:
+    """The motion that a decision vector ``x (n,)`` stands for."""
+    durations, parameters, *points = (np.array(value) for value in curve_function(problem)(np.asarray(x, dtype=float)))
+    named = dict(zip(problem.requirements.parameters, parameters.ravel().tolist(), strict=True))
+    return Motion(PiecewiseBezier(durations.ravel(), tuple(points)), problem.requirements.joints, named)
 
 
 def shape_function(problem: Problem) -> Any:
@@ -159,7 +168,7 @@ def _share_function(problem: Problem, objective: Objective) -> Any:
         value = weight * function(*state, casadi.SX(0, 1))
         return casadi.Function("share", [*state, weight], [value])
 
-    return problem.cached(f"share {objective.id}", build)
+    return problem.cached(("share", objective.id), build)
 
 
 def quadrature(problem: Problem, objective: Objective) -> tuple[list[tuple[int, float]], Array]:
@@ -230,7 +239,7 @@ def variables_function(problem: Problem, objective: Objective) -> Any:
         assert objective.of_variables is not None
         return casadi.Function("of_variables", [x], [objective.of_variables(x, problem.parameters(x))])
 
-    return problem.cached(f"variables {objective.id}", build)
+    return problem.cached(("variables", objective.id), build)
 
 
 def smooth_objectives(problem: Problem) -> tuple[str, ...]:
@@ -274,7 +283,7 @@ def variation_matrix(problem: Problem, objective: Objective) -> Array:
         slopes = casadi.jacobian(function(*arguments), arguments[0])[:, : problem.requirements.dof]
         return np.array(casadi.DM(casadi.evalf(casadi.densify(slopes))))
 
-    matrix: Array = problem.cached(f"variation matrix {objective.id}", build)
+    matrix: Array = problem.cached(("variation matrix", objective.id), build)
     return matrix
 
 

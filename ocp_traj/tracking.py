@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ocp_traj.bernstein import basis, difference_matrix
 from ocp_traj.curves import nonic
+from ocp_traj.pieces import Pieces
 from ocp_traj.robot import Robot
-from ocp_traj.seam import Pieces
 
 Array = NDArray[np.float64]
 

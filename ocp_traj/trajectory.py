@@ -1,25 +1,28 @@
-"""A trajectory: a numeric curve with the problem, case and variables it came from: samples, dilates, saves, loads."""
+"""A trajectory: a motion with the problem, case and variables it came from: dilates, saves, loads."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from math import comb
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
+from ocp_traj.audit import audit_all
 from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.errors import FileFormatError, InputError, ProblemDefinitionError, cut, quoted
+from ocp_traj.errors import FileFormatError, InputError, cut, quoted
 from ocp_traj.files import read_json, write_text
-
-if TYPE_CHECKING:
-    from ocp_traj.verdicts import Audit
+from ocp_traj.motion import Motion
+from ocp_traj.problem import Problem
+from ocp_traj.provenance import audit_motions, bound_rows
+from ocp_traj.registry import load
+from ocp_traj.symbolic import motion_of
+from ocp_traj.verdicts import Audit
 
 Array = NDArray[np.float64]
 
@@ -27,51 +30,23 @@ FORMAT = "ocp-traj/trajectory/1"
 SAMPLES_FORMAT = "ocp-traj/samples/1"
 SPLINE_FORMAT = "ocp-traj/spline/1"
 HIGHEST_DEGREE = 60  # of a file's segments: our choice; of higher ones rounding leaves nothing
-COLUMNS = ("q", "v", "a", "jerk", "snap")
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
-    """A timed motion of named joints.
+class Trajectory(Motion):
+    """A motion with the problem, case and variables it came from.
 
     Attributes:
-        curve: numeric, joint coordinates in SI over seconds.
-        joints: one name a joint.
         problem: id of the problem it solves, empty for one from elsewhere.
         case: the problem's case fields that differ from its defaults.
         variables: decision variables by block.
-        parameters: global parameters by label, such as the payload.
+        origin: the problem itself, where it is at hand; a file has its id and case only.
     """
 
-    curve: PiecewiseBezier
-    joints: tuple[str, ...]
     problem: str = ""
     case: Mapping[str, Any] = field(default_factory=dict)
     variables: Mapping[str, Array] = field(default_factory=dict)
-    parameters: Mapping[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Checks that joints and curve fit."""
-        if len(self.joints) != self.curve.dof:
-            raise ProblemDefinitionError(f"a trajectory of {self.curve.dof} joints was given {len(self.joints)} names")
-
-    @property
-    def duration(self) -> float:
-        """Total time [s]."""
-        return float(self.curve.duration)
-
-    def sample(self, count: int = 200, times: ArrayLike | None = None) -> pd.DataFrame:
-        """Joint coordinates and derivatives at ``count`` even times, or at ``times`` [s].
-
-        Returns:
-            One row an instant, indexed by ``time [s]``; columns (quantity, joint) with quantities q, v, a, jerk, snap.
-        """
-        t = np.linspace(0.0, self.duration, count) if times is None else np.atleast_1d(np.asarray(times, dtype=float))
-        blocks = {
-            name: pd.DataFrame(self.curve(t, order), index=t, columns=list(self.joints))
-            for order, name in enumerate(COLUMNS)
-        }
-        return pd.concat(blocks, axis=1).rename_axis("time [s]")
+    origin: Problem | None = field(default=None, repr=False)
 
     def dilate(self, factor: float) -> Trajectory:
         """The same path ``factor`` times slower; it forgets the variables, which no longer describe it."""
@@ -80,15 +55,13 @@ class Trajectory:
         return replace(self, curve=self.curve.dilate(factor), variables={})
 
     def audit(self, **options: Any) -> Audit:
-        """Checks every limit of its problem at every instant; see ``ocp_traj.audit.audit``."""
-        from ocp_traj.audit import audit
-        from ocp_traj.problems import load
-
-        if not self.problem:
+        """Checks every limit of its problem at every instant; see ``ocp_traj.provenance.audit_motions``."""
+        if self.origin is None and not self.problem:
             raise InputError(
                 "this trajectory names no problem; give its limits: ocp_traj.audit.audit(trajectory, requirements)"
             )
-        return audit(self, load(self.problem, **self.case).requirements, **options)
+        problem = load(self.problem, **self.case) if self.origin is None else self.origin
+        return audit_motions(problem, [self], [self.variables], **options)[0]
 
     def to_dict(self) -> dict[str, Any]:
         """As plain JSON values."""
@@ -133,15 +106,55 @@ class Trajectory:
             return cls(
                 curve,
                 _names(data["joints"]),
+                {k: float(_finite(v, f"the parameter {cut(k)}", 0)) for k, v in data.get("parameters", {}).items()},
                 str(data.get("problem", "")),
                 dict(data.get("case", {})),
                 {k: np.atleast_1d(np.asarray(v, dtype=float)) for k, v in data.get("variables", {}).items()},
-                {k: float(_finite(v, f"the parameter {cut(k)}", 0)) for k, v in data.get("parameters", {}).items()},
             )
         except KeyError as error:
             raise FileFormatError(f"{source}: the field {error} of format {kind} is missing") from error
         except (TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
             raise FileFormatError(f"{source} is not a sound {kind} file: {cut(str(error), 200)}") from error
+
+
+def trajectory_of(problem: Problem, x: ArrayLike) -> Trajectory:
+    """The trajectory that a decision vector stands for."""
+    motion = motion_of(problem, x)
+    return Trajectory(
+        motion.curve, motion.joints, motion.parameters, problem.id, case_fields(problem), problem.unpack(x), problem
+    )
+
+
+def audit_points(problem: Problem, xs: Sequence[Array], **options: Any) -> list[tuple[Trajectory, Audit]]:
+    """The trajectories that decision vectors stand for, each with its audit, the bounds on its variables among it."""
+    moved = [trajectory_of(problem, x) for x in xs]
+    audits = audit_all(moved, problem.requirements, **options)
+    return [
+        (motion, replace(found, rows=(*found.rows, *bound_rows(problem, np.asarray(x, dtype=float)))))
+        for x, motion, found in zip(xs, moved, audits, strict=True)
+    ]
+
+
+def case_fields(problem: Problem) -> dict[str, Any]:
+    """The case's fields that differ from their defaults, as plain values: enough to build the problem again.
+
+    A case that is no dataclass, or none at all, has no fields.
+    """
+    if not is_dataclass(problem.case):
+        return {}
+    given = {f.name: (_plain(getattr(problem.case, f.name)), _plain(_default(f))) for f in fields(problem.case)}
+    return {name: value for name, (value, default) in given.items() if value != default}
+
+
+def _default(field: Field[Any]) -> Any:
+    """A field's default; of one that has to be given, what equals nothing."""
+    return field.default_factory() if field.default_factory is not MISSING else field.default
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return [_plain(item) for item in value] if isinstance(value, tuple | list) else value
 
 
 def _names(joints: Any) -> tuple[str, ...]:

@@ -12,24 +12,24 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.local_derivatives import Lifted
-from ocp_traj.nlp import NLP, Row
-from ocp_traj.problem import Objective, Problem
+from ocp_traj.nlp import NLP
+from ocp_traj.objective import Objective
+from ocp_traj.problem import Problem
 from ocp_traj.requirements import PathConstraint, PointConstraint
+from ocp_traj.rows import Row
 from ocp_traj.scalarise import Scalarisation, check_names
 from ocp_traj.symbolic import (
     SymbolicCurve,
-    curve_function,
     degrees,
     objective_values,
     shape_function,
     states_at,
     variations,
 )
-from ocp_traj.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -63,31 +63,10 @@ class Instant:
     sweep: float = 0.0
     sweep_slope: Array | None = None
 
-
-def trajectory(problem: Problem, x: ArrayLike) -> Trajectory:
-    """The trajectory that a decision vector stands for."""
-    durations, parameters, *points = (np.array(value) for value in curve_function(problem)(np.asarray(x, dtype=float)))
-    return Trajectory(
-        curve=PiecewiseBezier(durations.ravel(), tuple(points)),
-        joints=problem.requirements.joints,
-        problem=problem.id,
-        case=case_fields(problem),
-        variables=problem.unpack(x),
-        parameters=dict(zip(problem.requirements.parameters, parameters.ravel().tolist(), strict=True)),
-    )
-
-
-def case_fields(problem: Problem) -> dict[str, Any]:
-    """The case's fields that differ from their defaults, as plain values: enough to build the problem again."""
-    case, plain = problem.case, type(problem.case)()
-    different = {
-        name: getattr(case, name) for name in case.__dataclass_fields__ if getattr(case, name) != getattr(plain, name)
-    }
-    return {name: _plain(value) for name, value in different.items()}
-
-
-def _plain(value: Any) -> Any:
-    return [_plain(item) for item in value] if isinstance(value, tuple) else value
+    @property
+    def moves(self) -> bool:
+        """Whether it moves with the variables, in time or along the sweep."""
+        return self.slope is not None or self.sweep_slope is not None
 
 
 def few_instants(problem: Problem) -> tuple[Instant, ...]:
@@ -169,7 +148,7 @@ def transcribe(
     traces = [w * values[name] / problem.objective(name).scale for name, w in problem.regularisation.items()]
     for limit in problem.requirements.path_constraints:
         members = [instant for instant in instants if instant.limit == limit.id]
-        stay, move = [m for m in members if m.slope is None], [m for m in members if m.slope is not None]
+        stay, move = [m for m in members if not m.moves], [m for m in members if m.moves]
         # Of those that move, only derivatives of the joints themselves are lifted: other limits depend on too much.
         lift_all = lifted is not None and limit.order is not None
         for on, some in ((shape, stay), (shape if lift_all else curve, move)):
@@ -275,7 +254,7 @@ def _path_rows(
 ) -> None:  # fmt: skip
     """Appends the rows of one path limit at its instants, scaled to order one."""
     entries = [(i, j) for j, m in enumerate(members) for i in (range(len(limit.labels)) if m.rows is None else m.rows)]
-    if curve.lifted is not None and members[0].slope is not None:
+    if curve.lifted is not None and members[0].moves:
         values = _moving_derivatives(curve, limit, [(i, members[j]) for i, j in entries])
     else:
         values = casadi.vec(limit_values(curve, limit, members))[[i + j * len(limit.labels) for i, j in entries]]
@@ -306,7 +285,7 @@ def _moving_derivatives(curve: SymbolicCurve, limit: PathConstraint, entries: Se
         durations = casadi.horzcat(*(curve.durations[entries[e][1].segment] for e in some))
         moved = (casadi.mtimes(casadi.sparsify(casadi.DM(slopes)), x) + casadi.DM(first)).T
         function = _moving_derivative(problem, degree, limit.order)
-        key = f"moving {limit.order} of degree {degree}"
+        key = "moving", limit.order, degree
         values.append(curve.lifted(key, function, points, durations, moved))
         places += some
     return casadi.horzcat(*values)[np.argsort(places).tolist()].T
@@ -320,7 +299,7 @@ def _moving_derivative(problem: Problem, degree: int, order: int) -> Any:
         value = PiecewiseBezier(duration, (points,)).at(0, casadi.fmin(casadi.fmax(u, 0.0), 1.0), order)
         return casadi.Function("moving_derivative", [points, duration, u], [value])
 
-    return problem.cached(f"moving derivative {degree} {order}", build)
+    return problem.cached(("moving derivative", degree, order), build)
 
 
 def limit_values(

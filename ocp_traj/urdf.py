@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 from ocp_traj.errors import FileFormatError, RobotDefinitionError, quoted
-from ocp_traj.files import read_text
+from ocp_traj.files import LONGEST_PATH, read_text
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
@@ -15,7 +15,7 @@ def urdf_text(source: str | Path) -> tuple[str, str]:
     if isinstance(source, str) and source.lstrip().startswith("<"):
         return source, "the URDF string"
     try:
-        return read_text(source, "URDF"), quoted(str(source))
+        return read_text(source, "URDF"), quoted(str(source), LONGEST_PATH)
     except FileFormatError as error:
         raise RobotDefinitionError(f"{error}; give a path, or the XML itself") from error
 

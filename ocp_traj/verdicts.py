@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
 
-ALLOWANCE = 1e-12  # of a limit's scale: a value resting exactly on its limit could never be decided
+ALLOWANCE = 1e-12  # of a bound's own size: a value resting exactly on its limit could never be decided
 
 PROVED, CHECKED, UNDECIDED, VIOLATED = "proved", "checked", "undecided", "violated"
 SEVERITY = {PROVED: 0, CHECKED: 0, UNDECIDED: 1, VIOLATED: 2}
+
+
+def decide(attained: float, enclosed: float, allowed: float) -> str:
+    """The verdict on "value <= allowed", from a value that is attained and one that is never exceeded.
+
+    Nothing that is not a number passes.
+    """
+    if attained > allowed:
+        return VIOLATED
+    return PROVED if enclosed <= allowed else UNDECIDED
 
 
 @dataclass(frozen=True)
@@ -27,6 +38,7 @@ class AuditRow:
         verdict: ``proved``, ``violated``, ``undecided``; ``checked`` for point constraints and continuity.
         boxes: how many boxes of states the proof took.
         sweep: of a swept limit, where along it in [0, 1].
+        allowance: what the bound may be exceeded by and still count as met [unit].
     """
 
     limit: str
@@ -40,19 +52,30 @@ class AuditRow:
     verdict: str
     boxes: int
     sweep: float | None = None
+    allowance: float = 0.0
 
 
 @dataclass(frozen=True)
 class Audit:
-    """The rows of an audit and the verdict on the whole."""
+    """The rows of an audit and the verdict on the whole.
+
+    Attributes:
+        rows: one a row of each limit.
+        allowance: what a path limit may be exceeded by, as a share of its bound.
+        parameters: with which the limits were evaluated, such as the payload.
+    """
 
     rows: tuple[AuditRow, ...]
     allowance: float = ALLOWANCE
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def verdict(self) -> str:
-        """The worst of the rows: ``proved`` only where every limit is proved and every point constraint met."""
-        worst = max((SEVERITY[row.verdict] for row in self.rows), default=0)
+        """The worst of the rows: ``proved`` only where every limit is proved and every point constraint met.
+
+        Where nothing was looked at nothing is decided.
+        """
+        worst = max((SEVERITY[row.verdict] for row in self.rows), default=SEVERITY[UNDECIDED])
         return (PROVED, UNDECIDED, VIOLATED)[worst]
 
     @property
@@ -79,7 +102,10 @@ class Audit:
     def explain(self) -> str:
         """One line: the verdict and, where it is not proved, the limits at fault and the instants."""
         if self.proved:
-            return f"proved: every limit holds at every instant (allowance {self.allowance:g} of each limit's scale)"
+            given = "".join(f", {name} {value:g}" for name, value in self.parameters.items())
+            return f"proved: every limit holds at every instant (allowance {self.allowance:g} of each bound{given})"
+        if not self.rows:
+            return "undecided: the limits ask nothing of this trajectory"
         worst = "; ".join(
             f"{row.limit} {row.label} {row.verdict}: {row.attained:.6g} at t = {row.instant:.6g} s, "
             f"bound {row.bound:.6g} {row.unit}"

@@ -16,22 +16,25 @@ Deviations
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import pi
 from typing import Any
 
 import casadi
 import numpy as np
 import pinocchio as pin
-from numpy.polynomial.legendre import leggauss
 from numpy.typing import ArrayLike, NDArray
 
+from ocp_traj import standard
 from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.case import check, choice, number, numbers
 from ocp_traj.chain import AxisJoint, LinkInertia
 from ocp_traj.curves import polynomial_353
-from ocp_traj.errors import InputError, quoted
-from ocp_traj.problem import Decomposition, Objective, Problem, Variable
-from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.errors import InputError
+from ocp_traj.limits import Limits
+from ocp_traj.objective import Objective, gauss
+from ocp_traj.problem import Decomposition, Problem, Variable
+from ocp_traj.requirements import PathConstraint, Requirements, State
 from ocp_traj.robot import ActuatorMap, Robot
 from ocp_traj.six_axis import Branches, SixAxisArm, wrapped
 
@@ -49,7 +52,6 @@ SMOOTHING = 0.1
 # Gauss-Legendre nodes a segment, our choice. Measured on 22 motions of 1.4 to 4.3 s against finer rules: effort within
 # 1.4e-7 of its value, work within 0.3 %, smoothing included; squared jerk is of degree 4, so that 3 nodes are exact.
 NODES = {"effort": 16, "work": 24, "jerk": 3}
-PER_JOINT = {"size": 6, "empty": True}  # of a case field: six numbers, or none
 
 # Table 2 [deg], points X_0 .. X_3 by joint; joint 3 of X_2 prints 63.179.
 TABLE_2 = (
@@ -91,40 +93,31 @@ class ZhuWang:
     """The paper's numbers; a field is what a user may change. Degrees, as in Table 2 and the maker's description."""
 
     as_printed: bool = False  # joint 3 of X_2 with the printed sign; a3 of ``arm`` as printed
-    velocity: Six = VELOCITY  # v_max [deg/s], (14): maker's description
-    acceleration: Six = field(default=ACCELERATION, metadata=PER_JOINT)  # a_max [deg/s^2], (15): our choice; or none
-    jerk: Six = field(default=(), metadata=PER_JOINT)  # [deg/s^3], or none
-    payload: float = 0.0  # [kg], a point mass at the flange
+    velocity: Six = numbers(VELOCITY, "deg/s", above=0.0)  # v_max, (14): maker's description
+    acceleration: Six = numbers(ACCELERATION, "deg/s2", empty=True, above=0.0)  # a_max, (15): our choice; or none
+    jerk: Six = numbers((), "deg/s3", size=6, empty=True, above=0.0)
+    payload: float = number(0.0, "kg", "a finite mass", least=0.0)  # a point mass at the flange
     position_limits: bool = True  # whether the maker's ranges of the joints are limits; the paper has none
     effort_limits: bool = True  # whether the maker's efforts are limits; the paper has none
-    timing: str = "synchronised"  # of TIMINGS
-    min_duration: float = 0.05  # [s], of each segment: our choice
-    max_duration: float = 4.0  # [s]: our choice
+    timing: str = choice("synchronised", TIMINGS)
+    min_duration: float = number(0.05, "s", above=0.0)  # of each segment: our choice
+    max_duration: float = number(4.0, "s", above=0.0)  # our choice
     free_payload: bool = False  # whether the payload is a decision variable
-    max_payload: float = 150.0  # [kg], bound on the freed payload: our choice, beyond what the limits allow
+    max_payload: float = number(150.0, "kg", "a finite mass", above=0.0)  # if freed: our choice
 
     def __post_init__(self) -> None:
         """Checks the fields."""
-        for name in ("velocity", "acceleration", "jerk"):
-            numbers = getattr(self, name)
-            if len(numbers) not in ((6,) if name == "velocity" else (0, 6)) or not all(
-                np.isfinite(v) and v > 0.0 for v in numbers
-            ):
-                none = "" if name == "velocity" else ", or none"
-                raise InputError(f"{name} is {numbers}; give six numbers above zero, in degrees{none}")
-        if not (np.isfinite(self.payload) and self.payload >= 0.0):
-            raise InputError(f"payload is {self.payload} kg; give a finite mass, zero or more")
-        if not (np.isfinite(self.max_payload) and self.max_payload > 0.0):
-            raise InputError(f"max_payload is {self.max_payload} kg; give a finite mass above zero")
-        if self.timing not in TIMINGS:
-            raise InputError(f"timing is {quoted(self.timing)}; allowed are {', '.join(TIMINGS)}")
+        check(self)
         if self.timing == "per_joint" and self.free_payload:
             raise InputError("timing per_joint has no payload to choose: every joint is timed alone")
-        if not 0.0 < self.min_duration < self.max_duration < np.inf:
+        if not self.min_duration < self.max_duration:
             raise InputError(
                 f"min_duration {self.min_duration} s and max_duration {self.max_duration} s leave no duration; "
-                "give 0 < min_duration < max_duration"
+                "give min_duration < max_duration"
             )
+
+
+Case = ZhuWang
 
 
 def serial_angles(q: Any) -> Any:
@@ -248,12 +241,6 @@ def worst_worth_having(case: ZhuWang, points: Array, machine: Robot) -> dict[str
     }
 
 
-def gauss(points: int) -> tuple[tuple[float, float], ...]:
-    """Gauss-Legendre rule on [0, 1]: exact for polynomials up to degree 2 points - 1."""
-    nodes, weights = leggauss(points)
-    return tuple(((1.0 + float(u)) / 2.0, float(w) / 2.0) for u, w in zip(nodes, weights, strict=True))
-
-
 def build(case: ZhuWang | None = None) -> Problem:
     """The problem of a case."""
     case = case or ZhuWang()
@@ -277,38 +264,26 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
     def torque(s: State) -> Any:
         return machine.effort(s.q, s.v, s.a, payload=s.p[0])
 
-    limits = []
+    limits: list[PathConstraint] = []
     if whole and case.position_limits:
         low, high = (np.radians(bound) for bound in POSITION)
         labels = ("J1", "J2", "J2 + J3", "J4", "J5", "J6")
         limits.append(
             PathConstraint("position-limit", lambda s: serial_angles(s.q), low, high, ("rad",) * 6, labels, "maker")
         )
-    bounds = (
-        ("velocity", case.velocity, "(14)"),
-        ("acceleration", case.acceleration, "(15)"),
-        ("jerk", case.jerk, "ours"),
-    )
-    for order, (name, values, eq) in enumerate(bounds, 1):
-        if values:
-            bound = np.radians([values[j] for j in chosen])
-            units = ("rad/s" + ("" if order == 1 else str(order)),) * count
-            limits.append(PathConstraint.on_derivative(f"{name}-limit", order, -bound, bound, units, joints, eq))
+    given = {name: getattr(case, name) for name in ("velocity", "acceleration", "jerk")}
+    bounds = Limits(**{name: np.radians([values[j] for j in chosen]) for name, values in given.items() if values})
+    units, kinds = ("rad",) * count, {"velocity": "(14)", "acceleration": "(15)", "jerk": "ours"}
+    limits += standard.joint_limits(bounds, joints, units, kinds)
     if whole and case.effort_limits:
         strongest = np.array(EFFORT)
-        limits.append(
-            PathConstraint("effort-limit", torque, -strongest, strongest, machine.effort_units, joints, "maker")
-        )
-    rest = PointConstraint(
-        "rest", lambda s: casadi.vertcat(s.v, s.a), ((0, 0.0), (-1, 1.0)), np.zeros(2 * count), np.zeros(2 * count),
-        ("rad/s",) * count + ("rad/s2",) * count, tuple(f"v {j}" for j in joints) + tuple(f"a {j}" for j in joints),
-        "sect. 3.1", structural=True,
-    )  # fmt: skip
+        limits.append(standard.effort_limit(torque, (-strongest, strongest), machine.effort_units, joints, "maker"))
     where = points[:, list(chosen)]
-    via = PointConstraint(
-        "via", lambda s: s.q, ((0, 0.0), (1, 0.0), (2, 0.0), (-1, 1.0)), where, where, ("rad",) * count, joints,
-        "Table 2", structural=True,
-    )  # fmt: skip
+    passed = ((0, 0.0), (1, 0.0), (2, 0.0), (-1, 1.0))
+    ends = (
+        standard.rest(joints, units, eq="sect. 3.1"),
+        standard.via_points(where, passed, joints, units, "Table 2"),
+    )
 
     objectives = [Objective("time", "s", 1.0, eq="(13)", of_variables=lambda x, p: casadi.sum1(x[:3]))]
     if whole:
@@ -354,7 +329,7 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
         objectives=tuple(objectives),
         default_objective="time",
         reference_point=worst_worth_having(case, points, machine) if whole else {},
-        requirements=Requirements(joints, ("rad",) * count, tuple(limits), (rest, via), ("payload",), continuity=2),
+        requirements=Requirements(joints, units, tuple(limits), ends, ("payload",), continuity=2),
         guess=guess,
         dilate=lambda x, s: np.concatenate([np.asarray(x)[:3] * s, np.asarray(x)[3:]]),
         scales_in_time=not free,

@@ -2,15 +2,16 @@
 
 Decision variables  velocity, acceleration, jerk and snap of the joints at every tag, and their positions, each times a
                     power of the time between tags; the durations of the air moves
-Curve               Bezier segments of degree 9, C4 at the tags, at rest at home    (5)-(18)
-Objectives          effort (1), movement (19), air time, jerk and snap; effort without gravity (our choice)
-Subject to          position (20), velocity .. snap (21)-(25, Table 3) on both sides for all t, torque; the torch's tip
-                    and tilt along the seam
+Curve               Bezier segments of degree 9, C4 at the tags, at rest at home    (6)-(18)
+Objectives          effort (1), movement (sect. III-A), air time (sect. I), jerk and snap (sect. VII), integrals of
+                    squares our choice; effort without gravity (our choice)
+Subject to          position (20), velocity .. snap (21)-(24, Table 3) and torque (25) on both sides for all t; the
+                    torch's tip and tilt along the seam (our choice)
 Deviations
-  (16) and (18) are misprinted, (20) lacks a sign; (21)-(25) are one-sided, and (1) and (19) sum torques with their
-  signs, which has no least value: squares here. Table 2 and Tables 5-11 contradict the limits and are not used. The
-  paper has no dynamic data, seam, torch nor weld speed: the robot is a stand-in (see ``ocp_traj.problems.kr90``), the
-  rest our choice. Torques are limited by its efforts; ``as_printed`` takes the paper's 35 000 N m for every joint.
+  (16) and (18) are misprinted, (20) has a sign too many; (21)-(25) are one-sided, and (1) and (19) have torques with
+  their signs, which have no least value: squares here. Table 2 and Tables 5-11 contradict the limits and are not used.
+  The paper has no dynamic data, seam, torch nor weld speed: the robot is a stand-in (see ``ocp_traj.problems.kr90``),
+  the rest our choice. Torques are limited by its efforts; ``as_printed`` takes the paper's 35 000 N m for every joint.
   The paper stops at nothing but leaves the time between tags open: a weld runs at its speed, and air moves take what
   the limits ask for. ``rest_at_tags`` is the literal reading for air moves: rest at every tag.
 """
@@ -26,20 +27,24 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
+from ocp_traj import standard
 from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.case import check, choice, number, numbers
 from ocp_traj.curves import nonic
-from ocp_traj.errors import InputError, quoted
-from ocp_traj.problem import Objective, Problem, Variable
+from ocp_traj.errors import InputError
+from ocp_traj.motion import Motion
+from ocp_traj.objective import Objective, gauss
+from ocp_traj.pieces import Pieces, at_piece
+from ocp_traj.polyline_seam import PolylineSeam
+from ocp_traj.problem import Problem, Variable
 from ocp_traj.problems import kr90
 from ocp_traj.problems.weld_start import Start, at_rest, find_start, least_time
-from ocp_traj.requirements import ORDERS, PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.requirements import ORDERS, DurationConstraint, PathConstraint, PointConstraint, Requirements, State
 from ocp_traj.robot import Robot
-from ocp_traj.seam import Pieces, Placement, PolylineSeam, Seam, TubeSeam, at_piece
+from ocp_traj.seam import Placement, Seam, TubeSeam
 from ocp_traj.tracking import pose_function
-from ocp_traj.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Six = tuple[float, float, float, float, float, float]
@@ -64,7 +69,7 @@ NODES = {"effort": 6, "movement": 9, "jerk": 7, "snap": 6}  # Gauss-Legendre nod
 class Ogbemhe2019:
     """The numbers of a case; a field is what a user may change. Seam, torch and speeds are our choice."""
 
-    case: str = "seam"  # of CASES: approach, weld and retract, or a move through a via point
+    case: str = choice("seam", CASES)  # approach, weld and retract, or a move through a via point
     psi: float = 60.0  # [deg] between brace and chord
     chord_radius: float = 0.150  # [m]
     brace_radius: float = 0.090  # [m]
@@ -72,52 +77,39 @@ class Ogbemhe2019:
     mirrored: bool = False  # the other brace of a K joint
     origin: tuple[float, float, float] = (2.05, 0.0, 1.0)  # [m], where the tubes' axes cross
     yaw: float = 180.0  # [deg] of the chord
-    seam_file: str = ""  # a CSV file of points and normals in place of the tubes; see ocp_traj.seam
+    seam_file: str = ""  # a CSV file of points and normals in place of the tubes; see ocp_traj.polyline_seam
     riser: float = 0.6  # [m], height the robot stands on
-    tags: int = 9  # along the seam
-    weld_speed: float = 0.008  # [m/s]
-    tcp_box: float = 0.04e-3  # [m], the tip's error along each axis
-    tcp_tolerance: float = 0.5e-3  # [m], its distance from the seam
-    max_tilt: float = 5.0  # [deg] of the torch
-    payload: float = 0.0  # [kg] at the flange, beside the torch
+    tags: int = number(9, what="a whole number", least=2, most=MOST_TAGS)  # along the seam
+    weld_speed: float = number(0.008, "m/s", above=0.0)
+    tcp_box: float = number(0.04e-3, "m", above=0.0)  # the tip's error along each axis
+    tcp_tolerance: float = number(0.5e-3, "m", above=0.0)  # its distance from the seam
+    max_tilt: float = number(5.0, "deg", "an angle", above=0.0, below=90.0)  # of the torch
+    payload: float = number(0.0, "kg", "a finite mass", least=0.0)  # at the flange, beside the torch
     home: Six = (0.0, -90.0, 100.0, 0.0, -60.0, 180.0)  # [deg]
     as_printed: bool = False  # the paper's torque limit
     rest_at_tags: bool = False  # of the air move
-    weights: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1e-3)  # of air time, effort, movement, snap in the sum
-    min_air_time: float = 0.5  # [s], of each air move
-    max_air_time: float = 30.0  # [s]
+    # Of air time, effort, movement, snap in the sum.
+    weights: tuple[float, float, float, float] = numbers((1.0, 1.0, 1.0, 1e-3), least=0.0, some=True)
+    min_air_time: float = number(0.5, "s", above=0.0)  # of each air move
+    max_air_time: float = number(30.0, "s", above=0.0)
 
     def __post_init__(self) -> None:
         """Checks the fields; those of a seam are checked where it is made."""
-        if self.case not in CASES:
-            raise InputError(f"case is {quoted(self.case)}; allowed are {', '.join(CASES)}")
+        check(self)
         if self.rest_at_tags and self.case == "seam":
             raise InputError("rest_at_tags is for case air-move: a weld that keeps its speed does not rest at its tags")
-        for name in ("weld_speed", "tcp_box", "tcp_tolerance", "max_tilt", "min_air_time"):
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise InputError(f"{name} is {getattr(self, name)}; give a number above zero")
-        if not self.max_tilt < 90.0:
-            raise InputError(f"max_tilt is {self.max_tilt} deg; give an angle below 90")
-        if not 0.0 <= self.payload < np.inf:
-            raise InputError(f"payload is {self.payload} kg; give a finite mass, zero or more")
-        if not 2 <= self.tags <= MOST_TAGS:
-            raise InputError(f"tags is {self.tags}; give 2 to {MOST_TAGS}")
-        if not self.min_air_time < self.max_air_time < np.inf:
+        if not self.min_air_time < self.max_air_time:
             raise InputError(
                 f"min_air_time {self.min_air_time} s and max_air_time {self.max_air_time} s leave no duration; "
                 "widen them"
             )
-        if not all(0.0 <= w < np.inf for w in self.weights) or not any(self.weights):
-            raise InputError(f"weights are {self.weights}; give four numbers, zero or more and not all zero")
         low, high = kr90.POSITION
         for joint, lower, angle, upper in zip(JOINTS, low, self.home, high, strict=True):
             if not lower < angle < upper:
                 raise InputError(f"home has {joint} at {angle} deg; its range is {lower:g} to {upper:g} deg")
 
 
-def _gauss(points: int) -> tuple[tuple[float, float], ...]:
-    nodes, weights = leggauss(points)
-    return tuple(((1.0 + float(u)) / 2.0, float(w) / 2.0) for u, w in zip(nodes, weights, strict=True))
+Case = Ogbemhe2019
 
 
 def _nodes(count: int) -> tuple[float, ...]:
@@ -158,49 +150,39 @@ def _objectives(case: Ogbemhe2019, machine: Robot, air: Callable[[Any], Any]) ->
     floating = kr90.robot(case.payload, riser=case.riser, gravity=0.0)
 
     def integral(name: str, unit: str, eq: str, integrand: Callable[[State], Any], rule: str = "") -> Objective:
-        return Objective(name, unit, 1.0, eq=eq, integrand=integrand, quadrature=_gauss(NODES[rule or name]))
+        return Objective(name, unit, 1.0, eq=eq, integrand=integrand, quadrature=gauss(NODES[rule or name]))
 
     def strain(robot: Robot) -> Callable[[State], Any]:
         return lambda s: casadi.sumsqr(kr90.torque(robot, s.q, s.v, s.a) / strength)
 
     parts = dict(zip(("air_time", "effort", "movement", "snap"), case.weights, strict=True))
     return (
-        Objective("air_time", "s", 1.0, eq="sect. III-C", of_variables=lambda x, p: air(x)),
+        Objective("air_time", "s", 1.0, eq="sect. I", of_variables=lambda x, p: air(x)),
         integral("effort", "s", "(1)", strain(machine)),
         integral("dynamic_effort", "s", "our choice", strain(floating), "effort"),
-        integral("movement", "rad2/s", "(19)", lambda s: casadi.sumsqr(s.v)),
-        integral("jerk", "rad2/s5", "our choice", lambda s: casadi.sumsqr(s.jerk)),
-        integral("snap", "rad2/s7", "our choice", lambda s: casadi.sumsqr(s.snap)),
+        integral("movement", "rad2/s", "sect. III-A", lambda s: casadi.sumsqr(s.v)),
+        integral("jerk", "rad2/s5", "sect. VII", lambda s: casadi.sumsqr(s.jerk)),
+        integral("snap", "rad2/s7", "sect. VII", lambda s: casadi.sumsqr(s.snap)),
         Objective("total", "-", 1.0, eq="our choice", terms=parts),
     )
 
 
 def _joint_limits(case: Ogbemhe2019, machine: Robot) -> list[PathConstraint]:
-    limits = []
-    for order, name in enumerate(("position", "velocity", "acceleration", "jerk", "snap")):
-        low, high = machine.limits.bounds(order) or (0.0, 0.0)
-        limits.append(
-            PathConstraint.on_derivative(
-                f"{name}-limit", order, low, high, UNITS[order], JOINTS, "Table 3" if order else "(20)"
-            )
-        )
+    kinds = {"position": "(20)", **dict.fromkeys(("velocity", "acceleration", "jerk", "snap"), "Table 3")}
     effort = np.full(6, PRINTED_EFFORT) if case.as_printed else np.array(kr90.EFFORT)
 
     def torque(s: State) -> Any:
         return kr90.torque(machine, s.q, s.v, s.a)
 
-    limits.append(PathConstraint("torque", torque, -effort, effort, machine.effort_units, JOINTS, "sect. III-B"))
-    return limits
+    return [
+        *standard.joint_limits(machine.limits, JOINTS, UNITS[0], kinds),
+        standard.effort_limit(torque, (-effort, effort), machine.effort_units, JOINTS, "(25)"),
+    ]
 
 
 def _rest_constraint(id: str, at: tuple[int, float], q: Array) -> PointConstraint:
     """At rest in all derivatives up to snap, at a posture."""
-    state = at_rest(q).ravel()
-    labels = tuple(f"{order} {joint}" for order in ORDERS for joint in JOINTS)
-    return PointConstraint(
-        id, lambda s: casadi.vertcat(s.q, s.v, s.a, s.jerk, s.snap), (at,), state, state,
-        tuple(unit for units in UNITS for unit in units), labels, "sect. III", structural=True,
-    )  # fmt: skip
+    return standard.posture(id, q, (at,), JOINTS, UNITS[0], "sect. IV-B")
 
 
 def _tag_variables(tag: str, weld: float, position: bool) -> list[Variable]:
@@ -229,7 +211,7 @@ def _scaled_states(block: Any, weld: float, orders: Sequence[int]) -> Any:
 def _problem(
     case: Ogbemhe2019, machine: Robot, variables: Sequence[Variable], curve: Callable[[Any], PiecewiseBezier],
     limits: Sequence[PathConstraint], points: Sequence[PointConstraint], guess: Callable[[np.random.Generator], Array],
-    words: str, **more: Any,
+    words: str, durations: tuple[DurationConstraint, ...] = (), **more: Any,
 ) -> Problem:  # fmt: skip
     """What both cases share; the last two variables are the air moves' durations."""
     count = sum(len(v.labels) for v in variables)
@@ -245,7 +227,9 @@ def _problem(
         curve=curve,
         objectives=_objectives(case, machine, lambda x: x[count - 2] + x[count - 1]),
         default_objective="total",
-        requirements=Requirements(JOINTS, ("rad",) * 6, tuple(limits), tuple(points), continuity=4),
+        requirements=Requirements(
+            JOINTS, ("rad",) * 6, tuple(limits), tuple(points), continuity=4, duration_constraints=durations
+        ),
         guess=lambda rng: np.clip(guess(rng), lower, upper),
         local_derivatives=True,
         notes=notes(case),
@@ -269,6 +253,7 @@ def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstr
     begun = start(case)
     cut, tags, home = begun.cut, case.tags, np.radians(case.home)
     weld = float(cut.tags[-1]) / case.weld_speed / (tags - 1)
+    pace = np.full(tags - 1, weld)
     variables = [v for tag in range(1, tags + 1) for v in _tag_variables(f"tag {tag}", weld, position=True)]
     variables.append(_durations(case, ("approach", "retract")))
 
@@ -307,6 +292,7 @@ def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstr
         case, machine, variables, curve, (*limits, *tracked),
         (_rest_constraint("start", (0, 0.0), home), _rest_constraint("end", (-1, 1.0), home)),
         guess, "a tubular seam" if not case.seam_file else "a seam",
+        durations=(DurationConstraint("weld-time", tuple(range(1, tags)), pace, pace, "our choice"),),
         curve_kind=f"nonic Bezier, approach, {tags - 1} pieces of the seam, retract",
         reference_point={"air_time": 12.0, "effort": 12.0, "movement": 25.0},
         instants={"tcp": _nodes(10), "tilt": _nodes(4), "snap-limit": _extremes(7)},
@@ -322,7 +308,7 @@ def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstr
     )  # fmt: skip
 
 
-def _figures(machine: Robot, path: Seam, cut: Pieces, motion: Trajectory) -> list[tuple[str, float, str]]:
+def _figures(machine: Robot, path: Seam, cut: Pieces, motion: Motion) -> list[tuple[str, float, str]]:
     """How closely a trajectory keeps to the seam itself, at ``SCAN`` instants a piece."""
     u = np.linspace(0.0, 1.0, SCAN)
     q = np.concatenate([motion.curve.at(k, u) for k in range(1, len(cut.tags))])
@@ -367,9 +353,9 @@ def _air_move(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstraint
         slower[inner:] *= s
         return slower
 
-    via_point = PointConstraint(
-        "via", lambda s: s.q, ((1, 0.0),), points[1], points[1], UNITS[0], JOINTS, "our choice", structural=True
-    )
+    via_point = standard.via_points(points[1], ((1, 0.0),), JOINTS, UNITS[0], "our choice")
+    if case.rest_at_tags:
+        via_point = _rest_constraint("via", (1, 0.0), points[1])
     return _problem(
         case, machine, variables, curve, limits,
         (_rest_constraint("start", (0, 0.0), points[0]), via_point, _rest_constraint("end", (-1, 1.0), points[2])),

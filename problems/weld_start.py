@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import radians
-from typing import TYPE_CHECKING
+from math import cos, radians
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.curves import nonic
 from ocp_traj.errors import InputError
+from ocp_traj.pieces import Pieces, pieces
 from ocp_traj.problems import kr90
 from ocp_traj.robot import Robot
-from ocp_traj.seam import Pieces, Seam, pieces
+from ocp_traj.seam import Seam
 from ocp_traj.tracking import Fit, fit_path, perpendicular, pose_function
 
-if TYPE_CHECKING:
-    from ocp_traj.problems.weld_bezier import Ogbemhe2019
-
 Array = NDArray[np.float64]
+Case = Any  # the paper's, which is built on this file: no import can name it
 
 JOINTS = kr90.JOINTS
 SINGULAR = 1e-2  # least singular value of a tag's Jacobian (place [m] and torch's axis); our choice
@@ -42,7 +41,7 @@ class Start:
     air: tuple[float, float]
 
 
-def find_start(machine: Robot, path: Seam, case: Ogbemhe2019) -> Start:
+def find_start(machine: Robot, path: Seam, case: Case) -> Start:
     """The seam in pieces, the arm fitted to it from home and from home's other wrist postures, the quickest of them.
 
     Raises ``InputError``, with the worst tag and the reason, where no posture follows the seam.
@@ -54,6 +53,11 @@ def find_start(machine: Robot, path: Seam, case: Ogbemhe2019) -> Start:
                 f"between {case.tags} tags the seam is written to {1e3 * cut.position_error:.2g} mm only, and {name} "
                 f"is {1e3 * error:g} mm; give more tags, or a wider {name}"
             )
+    if not cut.axis_error < 1.0 - cos(radians(case.max_tilt)):
+        raise InputError(
+            f"between {case.tags} tags the torch's direction is written to {cut.axis_error:.2g} of a unit vector only, "
+            f"more than max_tilt {case.max_tilt:g} deg leaves; give more tags, or a wider max_tilt"
+        )
     home = np.radians(case.home)
     weld = path.length / case.weld_speed / (case.tags - 1)
     reached, failed = [], []
@@ -72,7 +76,7 @@ def find_start(machine: Robot, path: Seam, case: Ogbemhe2019) -> Start:
     return min(reached, key=lambda s: sum(s.air))
 
 
-def least_time(start: Array, end: Array, case: Ogbemhe2019) -> float:
+def least_time(start: Array, end: Array, case: Case) -> float:
     """Least duration [s] of a nonic between two states ``(5, 6)``, to 2 %, at which the limits up to snap hold."""
     limits = [np.radians(v) for v in (kr90.VELOCITY, kr90.ACCELERATION, kr90.JERK, kr90.SNAP)]
     for duration in np.geomspace(case.min_air_time, case.max_air_time, 200):
@@ -83,7 +87,7 @@ def least_time(start: Array, end: Array, case: Ogbemhe2019) -> float:
             for extreme, bound in zip(curve.extrema(order), bounds, strict=True)
         ):
             return float(duration)
-    return case.max_air_time
+    return float(case.max_air_time)
 
 
 def at_rest(q: Array) -> Array:
@@ -91,7 +95,7 @@ def at_rest(q: Array) -> Array:
     return np.concatenate([q[None], np.zeros((4, 6))])
 
 
-def _obstruction(machine: Robot, cut: Pieces, fit: Fit, case: Ogbemhe2019) -> str:
+def _obstruction(machine: Robot, cut: Pieces, fit: Fit, case: Case) -> str:
     """Why a fit does not follow the seam, by its worst tag; empty where it does."""
     pose = pose_function(machine)
     low, high = np.radians(kr90.POSITION)
@@ -133,7 +137,7 @@ def _obstruction(machine: Robot, cut: Pieces, fit: Fit, case: Ogbemhe2019) -> st
     return ""
 
 
-def _wrist_distance(place: Array, axis: Array, case: Ogbemhe2019) -> float:
+def _wrist_distance(place: Array, axis: Array, case: Case) -> float:
     """Least distance of the wrist's centre from A2 [m] over all spins of a torch at a place, along an axis."""
     side = perpendicular(axis / np.linalg.norm(axis))
     best = np.inf

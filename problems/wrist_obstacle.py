@@ -26,15 +26,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from ocp_traj import standard
 from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.case import check, choice, number, numbers
 from ocp_traj.chain import AxisJoint, LinkInertia
 from ocp_traj.curves import quartic_quintic
-from ocp_traj.errors import InputError, quoted
+from ocp_traj.errors import InputError
 from ocp_traj.limits import Limits
-from ocp_traj.nlp import Conflict
-from ocp_traj.problem import Objective, Problem, Variable
+from ocp_traj.objective import Objective
+from ocp_traj.problem import Problem, Variable
 from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
 from ocp_traj.robot import Robot
+from ocp_traj.rows import Conflict
 
 Array = NDArray[np.float64]
 Point = tuple[float, float, float]
@@ -48,6 +51,7 @@ CASES: dict[str, tuple[Point, Point]] = {
     "open": ((-1.0, 1.0, sqrt(2.0)), (1.0, 1.0, sqrt(2.0))),
 }
 REACHED = 0.01  # of d3: how far a start or goal may lie off the tip's sphere, on which it is then put; our choice
+ROOM = 1e-3  # [rad], of the clearance above the least one, even where the ends leave less; our choice
 RESERVE = 2e-9  # [rad], by which a clearance is reported short of what was found, so that it can be proved; our choice
 
 
@@ -55,57 +59,49 @@ RESERVE = 2e-9  # [rad], by which a clearance is reported short of what was foun
 class ElHaiek2019:
     """The numbers of a case; a field is what a user may change. Lengths are in the paper's unit, which has no name."""
 
-    case: str = "blocked"  # of CASES
+    case: str = choice("blocked", tuple(CASES))  # start and goal change either
     start: Point | None = None  # of the tip; the case's own if not given
     goal: Point | None = None
     # x, y, z, radius of each, sect. 5; () or "none" where there are none.
     obstacles: tuple[tuple[float, float, float, float], ...] = ((0.5, 0.5, 0.0, 0.4),)
-    link_radius: float = 0.05  # of the link, a capsule from the base to the tip
-    d3: float = 2.0  # length of the link, (1)-(3)
-    weights: tuple[float, float] = (1.0, 1.0)  # beta1 [1/s], beta2 [1/rad] of (16)
-    branch: str = "best"  # of BRANCHES: how the wrist is held at the goal
-    min_clearance: float = 0.0  # [rad]: the angle, seen from the base, that stays between link and obstacles
-    max_position: tuple[float, float, float] = (pi, pi, pi)  # [rad], sect. 5
-    max_velocity: tuple[float, float, float] = (2.0, 2.0, 3.0)  # [rad/s]
-    max_acceleration: tuple[float, float, float] = (10.0, 10.0, 15.0)  # [rad/s2]
-    min_time: float = 0.1  # [s], of t1 and of t2
-    max_time: float = 4.0  # [s]
+    link_radius: float = number(0.05, above=0.0)  # of the link, a capsule from the base to the tip
+    d3: float = number(2.0, above=0.0)  # length of the link, (1)-(3)
+    weights: tuple[float, float] = numbers((1.0, 1.0), least=0.0, some=True)  # beta1 [1/s], beta2 [1/rad] of (16)
+    branch: str = choice("best", BRANCHES)  # how the wrist is held at the goal
+    # The angle, seen from the base, that stays between link and obstacles.
+    min_clearance: float = number(0.0, "rad", "an angle", least=0.0, below=pi)
+    max_position: tuple[float, float, float] = numbers((pi, pi, pi), "rad", above=0.0)  # sect. 5
+    max_velocity: tuple[float, float, float] = numbers((2.0, 2.0, 3.0), "rad/s", above=0.0)
+    max_acceleration: tuple[float, float, float] = numbers((10.0, 10.0, 15.0), "rad/s2", above=0.0)
+    min_time: float = number(0.1, "s", above=0.0)  # of t1 and of t2
+    max_time: float = number(4.0, "s", above=0.0)
     effort_limits: bool = False  # whether the motors' torques are limited as well
-    max_effort: tuple[float, float, float] = (1.0, 2.0, 0.2)  # [N m]
+    max_effort: tuple[float, float, float] = numbers((1.0, 2.0, 0.2), "N m", above=0.0)
 
     def __post_init__(self) -> None:
         """Checks the fields."""
-        if self.case not in CASES:
-            raise InputError(
-                f"case is {quoted(self.case)}; allowed are {', '.join(CASES)} (start and goal change either)"
-            )
-        if self.branch not in BRANCHES:
-            raise InputError(f"branch is {quoted(self.branch)}; allowed are {', '.join(BRANCHES)}")
-        for name in ("d3", "link_radius", "max_time", "min_time"):
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise InputError(f"{name} is {getattr(self, name)}; give a number above zero")
+        check(self)
         if not self.min_time < self.max_time:
             raise InputError(f"min_time {self.min_time} s is not below max_time {self.max_time} s; widen them")
-        for name in ("max_position", "max_velocity", "max_acceleration", "max_effort"):
-            if not all(0.0 < bound < np.inf for bound in getattr(self, name)):
-                raise InputError(f"{name} is {getattr(self, name)}; give three numbers above zero")
-        if len(self.weights) != 2 or not all(0.0 <= w < np.inf for w in self.weights) or not any(self.weights):
-            raise InputError(f"weights are {self.weights}; give two numbers, zero or more and not both zero")
-        if not 0.0 <= self.min_clearance < pi:
-            raise InputError(f"min_clearance is {self.min_clearance} rad; give an angle from 0 to below pi")
         for name, point in (("start", self.ends[0]), ("goal", self.ends[1])):
             if len(point) != 3 or not all(map(isfinite, point)) or abs(_size(point) / self.d3 - 1.0) > REACHED:
                 raise InputError(
                     f"{name} is {point}, {_size(point):.6g} from the base; the tip moves at d3 = {self.d3:.6g} "
                     "from it: give three numbers, a point at that distance (to 1 %)"
                 )
-        for number, obstacle in enumerate(self.obstacles, 1):
+        for i, obstacle in enumerate(self.obstacles, 1):
             if len(obstacle) != 4 or not all(map(isfinite, obstacle)) or not obstacle[3] > 0.0:
-                raise InputError(f"obstacle {number} is {obstacle}; give x:y:z:radius, the radius above zero")
+                raise InputError(f"obstacle {i} is {obstacle}; give x:y:z:radius, the radius above zero")
             if _size(obstacle[:3]) <= obstacle[3] + self.link_radius:
                 raise InputError(
-                    f"obstacle {number} at {obstacle[:3]} with radius {obstacle[3]} reaches the link's base at the "
+                    f"obstacle {i} at {obstacle[:3]} with radius {obstacle[3]} reaches the link's base at the "
                     f"origin (link radius {self.link_radius}); no motion could be clear of it: move or shrink it"
+                )
+        for sphere in obstacles(self):
+            if not self.min_clearance + ROOM < sphere.most_clearance:
+                raise InputError(
+                    f"min_clearance is {self.min_clearance} rad; from obstacle {sphere.number} no motion has more than "
+                    f"{sphere.most_clearance:.6g} rad: give less"
                 )
 
     @property
@@ -113,6 +109,9 @@ class ElHaiek2019:
         """Start and goal of the tip."""
         start, goal = CASES[self.case]
         return self.start or start, self.goal or goal
+
+
+Case = ElHaiek2019
 
 
 def _size(point: Sequence[float] | Array) -> float:
@@ -146,6 +145,11 @@ class Obstacle:
     def within_reach(self) -> bool:
         """Whether the link is as long as the tangents from the base: then it is clear where its direction is."""
         return self.link >= sqrt(self.size**2 - self.radius**2)
+
+    @property
+    def most_clearance(self) -> float:
+        """The clearance of a link that points away from it, or, beyond reach, of one that ends at the base [rad]."""
+        return (pi if self.within_reach else pi / 2.0) - self.half_angle
 
     def depth(self, tip: Array) -> float:
         """How deep the link reaches into it, R less the distance from the centre to the segment from base to tip."""
@@ -245,7 +249,7 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
     worst = {"time": 4.0, "distance": 10.0, "fitness": 14.0}  # worth having; our choice
     if spheres:
         ends = directions(np.array([start, [*goal, 0.0]]))
-        room = max(min(float(_clearance(ends, o).min()) for o in spheres), case.min_clearance + 1e-3)
+        room = max(min(float(_clearance(ends, o).min()) for o in spheres), case.min_clearance + ROOM)
         least, most = np.array([case.min_clearance]), np.array([room])  # no trajectory has more than its ends have
         margin = ("least clearance",)
         variables.append(Variable("margin", least, most, "rad", margin, "our choice", auxiliary_to="clearance"))
@@ -311,25 +315,13 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
 
 
 def _limits(case: ElHaiek2019, machine: Robot, spheres: Sequence[Obstacle]) -> list[PathConstraint]:
-    limits = []
-    for order, (name, eq, per) in enumerate(
-        (("position", "sect. 5", ""), ("velocity", "our choice", "/s"), ("acceleration", "our choice", "/s2"))
-    ):
-        low, high = getattr(machine.limits, name)
-        limits.append(
-            PathConstraint.on_derivative(f"{name}-limit", order, low, high, [u + per for u in UNITS], JOINTS, eq)
-        )
+    kinds = {"position": "sect. 5", "velocity": "our choice", "acceleration": "our choice"}
+    limits = list(standard.joint_limits(machine.limits, JOINTS, UNITS, kinds))
     if case.effort_limits:
         most = np.array(case.max_effort)
         limits.append(
-            PathConstraint(
-                "effort",
-                lambda s: machine.effort(s.q, s.v, s.a),
-                -most,
-                most,
-                machine.effort_units,
-                JOINTS,
-                "our choice",
+            standard.effort_limit(
+                lambda s: machine.effort(s.q, s.v, s.a), (-most, most), machine.effort_units, JOINTS, "our choice"
             )
         )
     near = [o for o in spheres if o.within_reach]
@@ -360,14 +352,8 @@ def _limits(case: ElHaiek2019, machine: Robot, spheres: Sequence[Obstacle]) -> l
 
 
 def _points(start: Array, goal: tuple[float, float]) -> tuple[PointConstraint, ...]:
-    rest = PointConstraint(
-        "rest", lambda s: casadi.vertcat(s.v, s.a), ((0, 0.0), (-1, 1.0)), np.zeros(6), np.zeros(6),
-        ("rad/s",) * 3 + ("rad/s2",) * 3, (*(f"v {j}" for j in JOINTS), *(f"a {j}" for j in JOINTS)),
-        "sect. 3", structural=True,
-    )  # fmt: skip
-    first = PointConstraint(
-        "start", lambda s: s.q, ((0, 0.0),), start, start, UNITS, JOINTS, "sect. 5", structural=True
-    )
+    rest = standard.rest(JOINTS, UNITS, eq="sect. 3")
+    first = standard.via_points(start, ((0, 0.0),), JOINTS, UNITS, "sect. 5", id="start")
     last = PointConstraint(
         "goal", lambda s: s.q[:2], ((-1, 1.0),), np.array(goal), np.array(goal), UNITS[:2], JOINTS[:2], "sect. 5",
         structural=True,

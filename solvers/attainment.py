@@ -15,10 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.records import Found, ignore, of_solve
 from ocp_traj.scalarise import GoalAttainment
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.repair import slow_down
 from ocp_traj.stopping import STOPS, current, stopping
@@ -85,6 +86,7 @@ def refine(
     solver: Exchange,
     among: Sequence[Array] = (),
     progress: Progress = silent,
+    tell: Found = ignore,
 ) -> Refined:
     """Refines points, each from itself; those not proved to begin with are slowed down first where that proves them.
 
@@ -97,11 +99,12 @@ def refine(
         solver: of each NLP; it begins with the instants at which its neighbour's ended.
         among: other points of the front, which stay as they are; with these the nadir is that of the whole front.
         progress: told after each point.
+        tell: given a record of each solve.
     """
     begun, found = time.perf_counter(), Refined([np.asarray(x, dtype=float) for x in xs])
     with stopping() as stop:
         try:
-            _refine(problem, tuple(objectives), found, solver, list(among), progress)
+            _refine(problem, tuple(objectives), found, solver, list(among), progress, tell)
         except STOPS as reason:
             stop.take(reason)
             found.interrupted = stop.tell()
@@ -111,7 +114,7 @@ def refine(
 
 def _refine(
     problem: Problem, objectives: tuple[str, ...], found: Refined, solver: Exchange, among: list[Array],
-    progress: Progress,
+    progress: Progress, tell: Found,
 ) -> None:  # fmt: skip
     """Refines the points of ``found`` in place, neighbour after neighbour."""
     if not found.xs:
@@ -129,7 +132,7 @@ def _refine(
             dict(zip(objectives, (f[i] * signs).tolist(), strict=True)),
             dict(zip(objectives, w[i].tolist(), strict=True)),
         )
-        solution = _solved(problem, goal, points[i], solver, neighbour, found)
+        solution = _solved(problem, goal, points[i], solver, neighbour, found, tell)
         if solution is None:
             found.failed += 1
         else:
@@ -143,12 +146,14 @@ def _refine(
 
 
 def _solved(
-    problem: Problem, goal: GoalAttainment, x: Array, solver: Exchange, neighbour: Solution | None, found: Refined
-) -> Solution | None:
+    problem: Problem, goal: GoalAttainment, x: Array, solver: Exchange, neighbour: Solution | None, found: Refined,
+    tell: Found,
+) -> Solution | None:  # fmt: skip
     """A proved solution, or None: with the neighbour's instants, and once more with the solver's own grid."""
     tries = [solver] if neighbour is None else [replace(solver, first=neighbour.instants), solver]
     for attempt in tries:
-        solution = attempt.solve(problem, goal, x)
+        solution = attempt.solve(problem, goal, x).own  # the point itself stays in any case
+        tell(of_solve(goal, solution))
         found.solves += 1
         found.iterations += solution.iterations
         if solution.ok and solution.audit is not None and solution.audit.proved:

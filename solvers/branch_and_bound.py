@@ -37,17 +37,16 @@ from scipy.optimize import nnls
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 from ocp_traj.evaluate import limit_on
-from ocp_traj.nlp import Certificate, Solution
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.requirements import ORDERS, PathConstraint
 from ocp_traj.scalarise import Scalarisation
+from ocp_traj.solution import Certificate, Solution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.stopping import STOPS, Stopping, stopping
 from ocp_traj.symbolic import variables_function
 from ocp_traj.tape import Tape
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import Trajectory, trajectory_of
 
 Array = NDArray[np.float64]
 
@@ -436,6 +435,7 @@ class _Search:
         if self._lagrangian is None:
             return best
         multipliers, tape = self._lagrangian
+        end = np.full(len(best), self.upper)  # not the threshold: it may be beyond, and bounds are as good as they are
         whole = (np.vstack([box[0], best[None]]), np.vstack([box[1], end[None]]))
         point = np.vstack([centre, np.clip(0.5 * (best + end), best, end)[None]])
         m = np.repeat(multipliers[:, None], len(best), axis=1)
@@ -445,7 +445,8 @@ class _Search:
         spread = _outward(whole[0] - point, whole[1] - point)
         change = _sum([_product((a, b), (c, d)) for a, b, c, d in zip(*slopes, *spread, strict=True)])[0]
         found = np.nextafter(start[0] + change, -np.inf) * DOWN
-        return np.maximum(best, np.where(np.isfinite(found), found, 0.0))
+        # Of times beyond its end the Lagrangian says nothing but that they are beyond it.
+        return np.maximum(best, np.minimum(np.where(np.isfinite(found), found, 0.0), end))
 
     def _remember(self, centre: Array, times: Array) -> None:
         """Keeps the middle with the least time that the limits looked at allow."""
@@ -462,7 +463,7 @@ class _Search:
             return
         best = int(hopeful[np.argmin(total[hopeful])])
         x = z[:, best] / z[:, best].sum() * total[best]
-        broken = _near_rows(self.problem, trajectory(self.problem, x), 0.0)
+        broken = _near_rows(self.problem, trajectory_of(self.problem, x), 0.0)
         if broken:  # it looked better only because of rows left out: take them in
             self._choose(tuple(dict.fromkeys((*self.others.chosen, *broken))))
         else:

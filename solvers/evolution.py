@@ -17,21 +17,26 @@ from numpy.typing import NDArray
 from pymoo.core.problem import Problem as PymooProblem
 
 from ocp_traj.errors import InputError, NoSolutionFound
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import Status
 from ocp_traj.population import Population
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress
+from ocp_traj.records import Found, ignore, of_population
 from ocp_traj.scalarise import Scalarisation
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.pareto_set import ENDED_AFTER, ParetoSet
 from ocp_traj.solvers.repair import slow_down
 from ocp_traj.solvers.scaling import TimeScaling
 from ocp_traj.stopping import STOPS, stopping
 from ocp_traj.symbolic import degrees, evaluate_objectives
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import trajectory_of
 
 Array = NDArray[np.float64]
 
+# Between two records of a population: seconds, or this share of the time so far where that is longer; our choice.
+EVERY, SHARE = 1.0, 0.05
 WORST = 1e12  # finite stand-in for a value that could not be computed: NaN would reach the front
+SAME = 1e-9  # relative: a value better by less is the same; our choice
 # Feasibility: Deb's rules, the feasible before the infeasible. Penalty: the sum of excesses, weighted, on top of the
 # objective. Death: an infeasible individual is as bad as any other. Dominated: any feasible one is better than it.
 HANDLING = ("feasibility", "penalty", "death", "dominated")
@@ -132,12 +137,15 @@ class Evolution:
             where there is none) and ``violation`` (least sum of excesses in the generation).
         seconds: spent.
         interrupted: whether Ctrl-C ended it before its last generation.
+        moved: whether it found anything better than its first generation: a feasible individual that none of the first
+            is as good as in every objective, to ``SAME``.
     """
 
     best: Array
     history: pd.DataFrame
     seconds: float
     interrupted: bool
+    moved: bool
 
     def reached(self, value: float) -> int | None:
         """Evaluations after which the best value was at most this, or None."""
@@ -147,7 +155,7 @@ class Evolution:
 
 def evolve(
     algorithm: Any, target: Vectorised, generations: int, seed: int, max_seconds: float, progress: Progress,
-    before: Any = None, after: Callable[[Any], bool] | None = None,
+    before: Any = None, after: Callable[[Any], bool] | None = None, found: Found = ignore,
 ) -> Evolution:  # fmt: skip
     """Runs a pymoo algorithm for some generations, or some time; Ctrl-C ends it early with what it has.
 
@@ -160,12 +168,24 @@ def evolve(
         progress: told after each generation.
         before: called with the algorithm and the number of the generation before it.
         after: called with the algorithm after each generation; the run ends where it says so.
+        found: given a record of the best individuals of several objectives, now and then and at the end.
     """
-    begun = time.perf_counter()
+    begun = told = time.perf_counter()
     algorithm.setup(target, termination=("n_gen", generations), seed=seed, verbose=False)
     rows: list[tuple[int, float, float]] = []
     least = np.nan
     champion: Array | None = None
+    begun_with = np.empty((0, target.n_obj))
+
+    def feasible() -> Array:
+        """Objectives ``(M, objectives)`` of the best so far, less is better."""
+        if target.n_obj == 1:
+            return np.array([[least]])[[champion is not None]]
+        if algorithm.opt is None or not len(algorithm.opt) or not algorithm.opt.has("excess"):
+            return np.empty((0, target.n_obj))
+        met = np.ravel(algorithm.opt.get("excess").astype(float)) <= 0.0
+        return np.asarray(algorithm.opt.get("F").astype(float)[met])
+
     with stopping(max_seconds) as stop:
         try:
             while algorithm.has_next() and not stop.due:
@@ -178,6 +198,12 @@ def evolve(
                     least = float(f[met].min())
                     champion = np.array(x[met][np.argmin(f[met])], dtype=float)
                 rows.append((target.individuals, least, float(excess.min())))
+                if len(rows) == 1:
+                    begun_with = feasible()
+                now = time.perf_counter()
+                if target.n_obj > 1 and now - told >= max(EVERY, SHARE * (now - begun)):
+                    _tell(found, _best(algorithm, target))
+                    told = now
                 over = after is not None and after(algorithm)
                 progress(len(rows), generations, f"best {least:.6g}" if np.isfinite(least) else "nothing feasible yet")
                 if over:
@@ -185,14 +211,32 @@ def evolve(
         except STOPS as reason:
             stop.take(reason)
         interrupted = algorithm.has_next() and stop.tell()
-    best = np.empty((0, target.problem_size))
-    if algorithm.opt is not None and len(algorithm.opt) and len(rows):
-        met = np.ravel(algorithm.opt.get("excess").astype(float)) <= 0.0
-        best = target.meant(np.atleast_2d(algorithm.opt.get("X").astype(float))[met])
-    if target.n_obj == 1:
-        best = champion[None] if champion is not None else best[:0]
+    if target.n_obj > 1:
+        best = _best(algorithm, target) if rows else np.empty((0, target.problem_size))
+        _tell(found, best)
+    else:
+        best = champion[None] if champion is not None else np.empty((0, target.problem_size))
     history = pd.DataFrame(rows, columns=["evaluations", "best", "violation"]).rename_axis("generation")
-    return Evolution(best, history, time.perf_counter() - begun, interrupted)
+    return Evolution(best, history, time.perf_counter() - begun, interrupted, _gains(feasible(), begun_with))
+
+
+def _gains(values: Array, on: Array) -> bool:
+    """Whether one of some values ``(M, objectives)`` is better than each of others ``(N, objectives)`` in something."""
+    return bool((values[:, None] < on - SAME * np.abs(on)).any(axis=2).all(axis=1).any())
+
+
+def _best(algorithm: Any, target: Vectorised) -> Array:
+    """The feasible and non-dominated individuals ``(M, n)``, as they are evaluated."""
+    best = algorithm.opt
+    if best is None or not len(best) or not best.has("excess"):
+        return np.empty((0, target.problem_size))
+    met = np.ravel(best.get("excess").astype(float)) <= 0.0
+    return target.meant(np.atleast_2d(best.get("X").astype(float))[met])
+
+
+def _tell(found: Found, best: Array) -> None:
+    if len(best):
+        found(of_population(best))
 
 
 def front_of(
@@ -209,6 +253,7 @@ def front_of(
         "evaluation seconds": target.seconds,
         "algorithm seconds": run.seconds - target.seconds,
         **ended_after(run, generations),
+        "moved": run.moved,
     }
     return ParetoSet(list(run.best), method, seed, run.seconds, info, run.interrupted)
 
@@ -239,6 +284,7 @@ def solution_of(
         raise NoSolutionFound(_nothing(problem, method, population, generations, run))
     (x,), (found,) = slow_down(problem, [run.best[0]])
     mended = "" if np.array_equal(x, run.best[0]) else ", slowed down where limits were broken between its instants"
+    claim = "not claimed to be optimal" if run.moved else "none is better than the best of those it began with"
     objectives = evaluate_objectives(problem, x)
     sign = 1.0 if problem.objective(name).sense == "min" else -1.0
     return Solution(
@@ -250,9 +296,10 @@ def solution_of(
         iterations=len(run.history),
         seconds=run.seconds,
         objectives=objectives,
-        trajectory=trajectory(problem, x),
+        trajectory=trajectory_of(problem, x),
         audit=found,
-        detail=f"{method}: the best of {target.individuals} individuals{mended}; not claimed to be optimal",
+        detail=f"{method}: the best of {target.individuals} individuals{mended}; {claim}",
+        moved=run.moved,
         history=run.history,
         interrupted=f"after {len(run.history)} of {generations} generations" if run.interrupted else "",
     )

@@ -16,28 +16,27 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.audit import audit
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.evaluate import limit_on
-from ocp_traj.nlp import NLP, Row, Solution, Status
+from ocp_traj.nlp import NLP, NLPResult, Status
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.requirements import PathConstraint
+from ocp_traj.rows import Row
 from ocp_traj.scalarise import Scalarisation
+from ocp_traj.solution import Solution
+from ocp_traj.solvers.incumbent import no_worse_than
 from ocp_traj.solvers.ipopt import Ipopt
-from ocp_traj.solvers.peaks import along, frozen, moving, peak_function, where
+from ocp_traj.solvers.peaks import along, frozen, where
 from ocp_traj.solvers.repair import largest_excess, slow_down
-from ocp_traj.solvers.swept_peaks import sharpened_sweep, swept_peaks
 from ocp_traj.solvers.turning import turned
+from ocp_traj.solvers.worst_instants import worst_instants
 from ocp_traj.symbolic import evaluate_objectives, variations
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import BACK_OFF, Instant, few_instants, trajectory, transcribe
+from ocp_traj.trajectory import audit_points, trajectory_of
+from ocp_traj.transcription import BACK_OFF, Instant, few_instants, transcribe
 from ocp_traj.verdicts import Audit
 
 Array = NDArray[np.float64]
 
-SCAN = 48  # samples a segment when looking for peaks: our choice, far denser than the degrees in use have peaks
-FINE = 33  # samples about a sample that stands out, from one neighbour to the other: our choice
 KEEP = 0.1  # of a limit's scale: rows with more slack than this after the first solve are dropped; our choice
 STALLED, NEGLIGIBLE = (
     4.0,
@@ -77,7 +76,8 @@ class Exchange:
         return problem.rounds if self.max_rounds is None else self.max_rounds
 
     def _first(self, problem: Problem) -> list[Instant]:
-        given = [replace(instant, slope=None) for instant in self.first or ()]  # slopes of another solution mislead
+        # Slopes of another solution mislead.
+        given = [replace(instant, slope=None, sweep_slope=None) for instant in self.first or ()]
         return given or list(few_instants(problem))
 
     @one_blas_thread
@@ -87,9 +87,9 @@ class Exchange:
         scalarisation: Scalarisation,
         x0: Array,
         warm: Solution | None = None,
-        opened: Solution | None = None,
+        opened: NLPResult | None = None,
     ) -> Solution:
-        """Solves from ``x0 (n,)``.
+        """Solves from ``x0 (n,)``; never worse than a point that was known before and is proved.
 
         Args:
             problem: what to solve.
@@ -99,32 +99,56 @@ class Exchange:
             opened: solution of ``opening``, where it is known.
 
         Returns:
-            A solution with its trajectory, objectives and audit; ``audit.proved`` says whether the exchange succeeded.
+            A solution with its trajectory, objectives and audit; ``audit.proved`` says whether the exchange succeeded,
+            ``detail`` why it did not. Where the start, a solution of an earlier round or ``warm`` is proved and
+            better, that, with what the exchange ended with in ``instead_of``.
         """
         begun = time.perf_counter()
+        proved: list[Solution] = []
+        found = self._rounds(problem, scalarisation, x0, warm, opened, proved, begun)
+        known = {
+            "the solution of an earlier round": proved,
+            "the solution it began from": [] if warm is None else [warm],
+        }
+        found = no_worse_than(problem, scalarisation, found, x0)
+        for words, solutions in known.items():
+            for one in solutions:
+                found = no_worse_than(problem, scalarisation, found, one.x, words)
+        return found
+
+    def _rounds(
+        self,
+        problem: Problem,
+        scalarisation: Scalarisation,
+        x0: Array,
+        warm: Solution | None,
+        opened: NLPResult | None,
+        proved: list[Solution],
+        begun: float,
+    ) -> Solution:
+        """The rounds; ``proved`` collects those that are, but for total variations that are not yet exact."""
         instants = self._first(problem)
         x, extra, iterations = np.asarray(x0, dtype=float), np.zeros(0), 0
-        back_off, excess = self.back_off, np.inf
+        back_off, before, excess = self.back_off, np.inf, np.inf
         last: Solution | None = None  # feasible at its instants
-        proved: Solution | None = None  # the last that is proved, its total variations not yet exact
         most = self.rounds(problem)
         for number in range(1, most + 1):
             nlp = transcribe(problem, scalarisation, instants, back_off)
             start = nlp.start(x)
-            follows = any(instant.slope is not None for instant in instants)
+            follows = any(instant.moves for instant in instants)
             limit = min(self.solver.max_iter, WARM_ITERATIONS) if follows else self.solver.max_iter
             if number == 1 and opened is not None:
-                solution = opened
+                result = opened
             else:
-                solution = replace(self.solver, max_iter=limit).solve(nlp, start, warm)
-            iterations += solution.iterations
-            if solution.status is not Status.SOLVED and (follows or warm is not None):
+                result = replace(self.solver, max_iter=limit).solve(nlp, start, warm)
+            iterations += result.iterations
+            if result.status is not Status.SOLVED and (follows or warm is not None):
                 # Multipliers, or an instant that races along a flat peak, can mislead: once more without either.
                 instants = [frozen(instant, x) for instant in instants]
                 nlp = transcribe(problem, scalarisation, instants, back_off)
-                solution = self.solver.solve(nlp, start)
-                iterations += solution.iterations
-            solution = replace(solution, iterations=iterations, rounds=number, instants=tuple(instants))
+                result = self.solver.solve(nlp, start)
+                iterations += result.iterations
+            solution = Solution.of(result, iterations=iterations, rounds=number, instants=tuple(instants))
             if not solution.ok:
                 solution = replace(solution, seconds=time.perf_counter() - begun)
                 break
@@ -134,7 +158,7 @@ class Exchange:
             self.progress(number, most, f"{len(nlp.rows)} rows, {solution.audit.verdict}")
             updated = turned(problem, scalarisation, instants, solution.trajectory)
             if solution.audit.proved:
-                proved = solution
+                proved.append(solution)
                 if updated is None:
                     return _settled(problem, scalarisation, solution)
             before, excess = excess, largest_excess(problem, solution.audit)
@@ -147,16 +171,30 @@ class Exchange:
             instants, renamed = _merge(instants, peaks, x, problem, keep=excess > before / GAINS)
             inherited = {new: solution.multipliers.get(old, 0.0) for new, old in renamed.items()}
             warm = replace(solution, multipliers={**solution.multipliers, **inherited})
-        if proved is not None:
-            return _settled(problem, scalarisation, replace(proved, seconds=time.perf_counter() - begun))
+        if proved:
+            return _settled(problem, scalarisation, replace(proved[-1], seconds=time.perf_counter() - begun))
         if self.repair and last is not None:
             last = _mended(problem, scalarisation, last, extra, self.solver.feasibility)
         if last is not None and last.audit is not None and last.audit.proved:
             return _settled(problem, scalarisation, replace(last, seconds=time.perf_counter() - begun))
         # Infeasible on the way is an answer, with the limits in conflict; else there is a point, but no proof of it.
-        if solution.status is Status.INFEASIBLE or last is None:
-            return solution
-        return replace(last, status=Status.UNPROVED, seconds=time.perf_counter() - begun)
+        if solution.ok:
+            why = f"all {most} rounds are used up, " + (
+                "stalled" if excess > before / GAINS else "the last still gained"
+            )
+        else:
+            why = f"round {number} of {most} found no point: {solution.status.value}, {solution.detail}"
+        if solution.status is Status.LOCALLY_INFEASIBLE or last is None:
+            return replace(solution, detail=why)
+        assert last.audit is not None
+        row = last.audit.failures[0]
+        off = f"{row.limit} {row.label} is {row.verdict}, {abs(row.attained - row.bound):.3g} {row.unit} from its bound"
+        return replace(
+            last,
+            status=Status.UNPROVED,
+            seconds=time.perf_counter() - begun,
+            detail=f"{why}; {off} at t = {row.instant:.6g} s; its last solve ended with {last.detail}",
+        )
 
 
 def _mended(
@@ -203,7 +241,8 @@ def _finished(
     checked: Audit | None = None,
 ) -> Solution:
     """A solution with its trajectory, objectives and audit."""
-    candidate, objectives = trajectory(problem, x), evaluate_objectives(problem, x)
+    candidate, found = (trajectory_of(problem, x), checked) if checked else audit_points(problem, [x])[0]
+    objectives = evaluate_objectives(problem, x)
     # The NLP's sum of steps may fall short of a total variation, and traces are not what is asked for.
     if variations(problem, scalarisation.names) or problem.regularisation:
         exact = scalarisation.apply(problem, objectives)
@@ -212,94 +251,10 @@ def _finished(
         solution,
         x=x,
         trajectory=candidate,
-        audit=checked or audit(candidate, problem.requirements),
+        audit=found,
         objectives=objectives,
         seconds=time.perf_counter() - begun,
     )
-
-
-def worst_instants(
-    problem: Problem, candidate: Trajectory, checked: Audit, back_off: float = BACK_OFF
-) -> list[Instant]:
-    """The peaks at which a trajectory breaks its limits, each as an instant that moves with the variables."""
-    failing = {row.limit for row in checked.failures}
-    x = np.concatenate(list(candidate.variables.values()))
-    found: list[Instant] = []
-    for limit in problem.requirements.path_constraints:
-        if limit.id in failing:
-            found += _sharpened(problem, limit, _peaks(problem, limit, candidate, back_off), x, back_off)
-    return found
-
-
-def _scaled_bounds(limit: PathConstraint, back_off: float) -> tuple[Array, Array]:
-    return limit.lower / limit.scale + back_off, limit.upper / limit.scale - back_off
-
-
-def _peaks(problem: Problem, limit: PathConstraint, candidate: Trajectory, back_off: float) -> list[Instant]:
-    """Local maxima of the violation of one limit, from a scan: above zero, or close enough to hide one that is."""
-    low, high = _scaled_bounds(limit, back_off)
-    u = np.linspace(0.0, 1.0, SCAN)
-    members: list[Instant] = []
-    for k in filter(limit.holds_on, range(candidate.curve.segments)):
-        if limit.sweep:
-            members += swept_peaks(problem, limit, k, candidate, back_off)
-            continue
-        values = limit_on(candidate, problem.requirements, limit, k, u) / limit.scale[:, None]
-        for side, bound in ((1.0, high), (-1.0, -low)):
-            rows, places = np.nonzero(_stands_out(side * values - bound[:, None]))
-            if not len(rows):
-                continue
-            # Narrow peaks lie between samples, where Newton's method would go astray: look closer first.
-            close = np.clip(u[places][:, None] + np.linspace(-1.0, 1.0, FINE) / (SCAN - 1), 0.0, 1.0)
-            closer = limit_on(candidate, problem.requirements, limit, k, close.ravel()) / limit.scale[:, None]
-            own = closer.reshape(-1, *close.shape)[rows, np.arange(len(rows))]  # (peaks, FINE)
-            highest = close[np.arange(len(rows)), np.argmax(side * own, axis=1)]
-            members += [Instant(limit.id, k, float(v), (int(row),)) for row, v in zip(rows, highest, strict=True)]
-    return members
-
-
-def _stands_out(excess: Array) -> NDArray[np.bool_]:
-    """Which samples ``(rows, SCAN)`` are local maxima of an excess that is above zero, or may be between samples."""
-    left = np.pad(excess[:, :-1], ((0, 0), (1, 0)), constant_values=-np.inf)
-    right = np.pad(excess[:, 1:], ((0, 0), (0, 1)), constant_values=-np.inf)
-    with np.errstate(invalid="ignore"):  # of a side without a bound
-        falls = np.stack([excess - left, excess - right])
-    fall = np.where(np.isfinite(falls), falls, 0.0).max(axis=0)
-    return np.asarray((excess >= left) & (excess > right) & (excess > -fall))
-
-
-def _sharpened(
-    problem: Problem, limit: PathConstraint, members: list[Instant], x: Array, back_off: float
-) -> list[Instant]:
-    """Moves instants onto their peaks by Newton's method on g_u = 0; keeps those where the limit is broken."""
-    if not members:
-        return []
-    if limit.sweep:
-        return sharpened_sweep(problem, limit, members, x, back_off)
-    derivatives = peak_function(problem, limit, members)
-    rows = np.array([m.rows[0] for m in members if m.rows])
-    low, high = (bound[rows] for bound in _scaled_bounds(limit, back_off))
-    first = np.array([m.u for m in members])
-    u, cell = first, 2.0 / (SCAN - 1) / (FINE - 1)
-    begun = np.array(derivatives(x, u)[0]).ravel()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for _ in range(4):
-            value, gu, guu, gux = (np.array(part) for part in derivatives(x, u))
-            step = np.nan_to_num(-gu.ravel() / guu.ravel(), nan=0.0, posinf=0.0, neginf=0.0)
-            u = np.clip(u + step, np.maximum(first - cell, 0.0), np.minimum(first + cell, 1.0))
-        value, gu, guu, gux = (np.array(part) for part in derivatives(x, u))
-    value = value.ravel()
-    excess, at_first = np.maximum(value - high, low - value), np.maximum(begun - high, low - begun)
-    kept = []
-    for i in np.nonzero(np.maximum(excess, at_first) > 0.0)[0]:
-        if excess[i] < at_first[i]:
-            # Newton's method led downhill: the peak is a corner at the end of a segment, where it stays.
-            kept.append(members[i])
-        elif not problem.instants_move:
-            kept.append(replace(members[i], u=float(u[i])))
-        else:  # g_u = 0 ties u to x
-            kept.append(moving(replace(members[i], u=float(u[i])), guu[i, 0], gux[i], x))
-    return kept
 
 
 def _near(instants: list[Instant], problem: Problem, solution: Solution) -> list[Instant]:

@@ -21,20 +21,21 @@ import numpy as np
 from numpy.typing import NDArray
 from pymoo.util.ref_dirs import get_reference_directions
 
-from ocp_traj.audit import audit
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import Status
 from ocp_traj.population import Population
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.records import Found, ignore, of_solve
 from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.pareto_set import ENDED_AFTER, ParetoSet
 from ocp_traj.stopping import STOPS, stopping
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import audit_points
 
 Array = NDArray[np.float64]
 
@@ -58,6 +59,7 @@ class FrontTracer:
         seed: of those starts.
         max_seconds: stop after this, in the middle of a point, with those that are there.
         progress: told after each point.
+        found: given a record of each solve.
     """
 
     points: int = 40
@@ -66,6 +68,7 @@ class FrontTracer:
     seed: int = 0
     max_seconds: float = np.inf
     progress: Progress = silent
+    found: Found = ignore
 
     def __post_init__(self) -> None:
         """Checks the number of points."""
@@ -100,6 +103,8 @@ class FrontTracer:
             info["conflict"] = False
         if not complete:
             info[ENDED_AFTER] = f"{len(trace.solutions)} of {self.points} points"
+        if trace.ended and not trace.unsolved:
+            info["ideal"] = trace.ideal
         xs = [solution.x for solution in trace.solutions]
         return ParetoSet(xs, "trace", self.seed, time.perf_counter() - begun, info, interrupted)
 
@@ -117,7 +122,7 @@ class _Trace:
         self.solutions: list[Solution] = []
         self.values = np.empty((0, len(objectives)))
         self.solves = self.iterations = self.failed = 0
-        self.conflict = True
+        self.conflict, self.ended = True, False  # whether there is anything to trade; whether all ends were tried
         self.unsolved: list[str] = []  # objectives whose end is only the best point known
 
     def ends(self) -> None:
@@ -131,27 +136,35 @@ class _Trace:
             starts = max(self.tracer.starts, self.problem.starts)
             start = Multistart(self.tracer.solver, starts, self.tracer.seed + k)
             solution = start.solve(self.problem, self._end(name))
-            self._count(solution)
+            self._count(self._end(name), solution)
             if solution.ok:
                 self._add(solution)
-            elif solution.status is Status.INFEASIBLE:
-                raise NoSolutionFound(f"{solution.explain()} (the least {name}, the others within the reference point)")
             else:
                 missing.append((name, solution))
         for name, failure in missing:
             if not self.solutions:
-                raise NoSolutionFound(f"{failure.explain()}; no end of the front was found")
+                raise NoSolutionFound(
+                    f"{failure.explain()} (the least {name}, the others within the reference point); "
+                    "no end of the front was found"
+                )
             bounds = {self.names.index(n): self._sign(n) * bound for n, bound in self._end(name).bounds.items()}
             x0, nearest = self._start(list(range(len(self.solutions))), bounds)
             solution = self.tracer.solver.solve(self.problem, self._end(name), x0)
-            self._count(solution)
+            self._count(self._end(name), solution)
             if solution.ok:
                 self._add(solution)
                 continue
             self.unsolved.append(name)
             stand_in = self._evaluated(x0, self.solutions[nearest])
             if stand_in is not None:
+                self.tracer.found(of_solve(self._end(name), stand_in))
                 self._add(stand_in)
+        self.ended = True
+
+    @property
+    def ideal(self) -> dict[str, float]:
+        """Best value of each objective, in its own sense."""
+        return dict(zip(self.names, (self.values.min(axis=0) * self.signs).tolist(), strict=True))
 
     def sharpen(self) -> None:
         """Makes each of two ends the best in the other objective as well, from random starts.
@@ -169,7 +182,7 @@ class _Trace:
             solution = Multistart(self.tracer.solver, starts, self.tracer.seed + len(self.names) + k).solve(
                 self.problem, scalar
             )
-            self._count(solution)
+            self._count(scalar, solution)
             if (
                 solution.ok
                 and self._sign(other) * solution.objectives[other] < self.values[k, 1 - k] - WORTHWHILE * span[1 - k]
@@ -187,8 +200,7 @@ class _Trace:
 
     def _evaluated(self, x: Array, like: Solution) -> Solution | None:
         """A decision vector as a solution, if it is proved and new."""
-        candidate = trajectory(self.problem, x)
-        found = audit(candidate, self.problem.requirements)
+        candidate, found = audit_points(self.problem, [x])[0]
         if not found.proved or np.array_equal(x, like.x):
             return None
         values = evaluate_objectives(self.problem, x)
@@ -263,15 +275,15 @@ class _Trace:
         known = self.solutions[nearest]
         solver = replace(self.tracer.solver, first=known.instants)
         solution = solver.solve(self.problem, scalar, x0)
-        self._count(solution)
+        self._count(scalar, solution)
         others = [self.solutions[i].x for i in neighbours if i != nearest]
         # Once more, from the neighbours themselves and with all rows: of many local optima the other may lead to a
         # better one.
-        for x in [known.x, *others] if not solution.ok else others if self.problem.starts > 1 else []:
+        for x in [known.x, *others] if not solution.own.ok else others if self.problem.starts > 1 else []:
             again = self.tracer.solver.solve(self.problem, scalar, x)
-            self._count(again)
+            self._count(scalar, again)
             solution = best_of([solution, again])
-            if solution.ok and self.problem.starts == 1:
+            if solution.own.ok and self.problem.starts == 1:
                 break
         new = False
         if solution.ok:
@@ -300,7 +312,8 @@ class _Trace:
         merit = 1e3 * over + (values[:, free] / span[free]).sum(axis=1)
         return candidates[int(np.argmin(merit))]
 
-    def _count(self, solution: Solution) -> None:
+    def _count(self, scalar: Scalarisation, solution: Solution) -> None:
+        self.tracer.found(of_solve(scalar, solution))
         self.solves += 1
         self.iterations += solution.iterations
         self.failed += not solution.ok

@@ -32,6 +32,7 @@ from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.records import Found, ignore
 from ocp_traj.solvers.attainment import refine, well_spaced
 from ocp_traj.solvers.elitism import ControlledElitism
 from ocp_traj.solvers.evolution import WORST, Vectorised, ended_after, evolve, require_sizes
@@ -74,6 +75,7 @@ class HMOGA:
         per_segment: instants a segment at which limits are looked at in a generation, at least its degree.
         max_seconds: time for all; of what the ends leave, evolution gets one half.
         progress: told after each generation, then after each refined point.
+        found: given a record of each solve, and of the population now and then.
     """
 
     seed: int
@@ -94,6 +96,7 @@ class HMOGA:
     per_segment: int = 5
     max_seconds: float = np.inf
     progress: Progress = silent
+    found: Found = ignore
 
     def __post_init__(self) -> None:
         """Checks the numbers."""
@@ -118,15 +121,16 @@ class HMOGA:
 
     def _run(self, problem: Problem, objectives: Sequence[str], stop: Stopping) -> ParetoSet:
         begun = time.perf_counter()
-        ends = FrontTracer(len(objectives), solver=self.solver, starts=self.starts, seed=self.seed).pareto(
-            problem, objectives
-        )
+        tracer = FrontTracer(len(objectives), solver=self.solver, starts=self.starts, seed=self.seed, found=self.found)
+        ends = tracer.pareto(problem, objectives)
         info: dict[str, Any] = {
             "ends": {**ends.info, "points": len(ends.xs), "seconds": ends.seconds},
             "cannot act": CANNOT_ACT,
         }
         if ends.info.get("conflict") is False:
             info["conflict"] = False
+        if "ideal" in ends.info:
+            info["ideal"] = ends.info["ideal"]
         if ENDED_AFTER in ends.info:
             info[ENDED_AFTER] = f"{len(ends.xs)} of {len(objectives)} ends of the front"
         if ENDED_AFTER in info or "conflict" in info:
@@ -144,7 +148,7 @@ class HMOGA:
         )
         algorithm.tournament_type = "comp_by_rank_and_crowding"
         left = SHARE * max(stop.deadline - time.perf_counter(), 0.0)
-        run = evolve(algorithm, target, self.generations, self.seed, left, self.progress, after=watch)
+        run = evolve(algorithm, target, self.generations, self.seed, left, self.progress, after=watch, found=self.found)
         info |= {
             "population": self.population,
             "generations": len(run.history),
@@ -153,6 +157,7 @@ class HMOGA:
             "evaluations": target.individuals,
             "evaluation seconds": target.seconds,
             "evolution seconds": run.seconds,
+            "moved": run.moved,
             "history": {"generation": list(range(1, len(watch.rows) + 1)), **watch.history.to_dict("list")},
             **({} if watch.stalled else ended_after(run, self.generations)),
         }
@@ -164,10 +169,11 @@ class HMOGA:
         f = target.population.evaluate(np.array([*among, *genetic])).objectives * target.signs
         chosen = [genetic[i - len(among)] for i in well_spaced(f, self.points) if i >= len(among)]
         chosen += _least_broken(algorithm.pop, self.points - len(among) - len(chosen))
-        refined = refine(problem, objectives, chosen, self.solver, among, self.progress)
+        refined = refine(problem, objectives, chosen, self.solver, among, self.progress, self.found)
         if refined.reached < len(chosen):
             info[ENDED_AFTER] = f"refining {refined.reached} of {len(chosen)} points"
         info |= {
+            "moved": run.moved or refined.better > 0,
             "genetic front": len(genetic),
             "points to refine": len(chosen),
             "points refined": refined.better,

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
-from ocp_traj.nlp import NLP, Conflict, Row, Solution, Status
+from ocp_traj.nlp import NLP, NLPResult, Status
+from ocp_traj.rows import Conflict, Row
 from ocp_traj.stopping import current, stopping
 
 Array = NDArray[np.float64]
@@ -30,7 +31,7 @@ _STATUS = {
     "Solve_Succeeded": Status.SOLVED,
     "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
     "Feasible_Point_Found": Status.FEASIBLE,
-    "Infeasible_Problem_Detected": Status.INFEASIBLE,
+    "Infeasible_Problem_Detected": Status.LOCALLY_INFEASIBLE,
     "Search_Direction_Becomes_Too_Small": Status.FAILED,
     "Diverging_Iterates": Status.UNBOUNDED,
     "User_Requested_Stop": Status.INTERRUPTED,
@@ -48,6 +49,8 @@ _STATUS = {
     "Insufficient_Memory": Status.FAILED,
     "Internal_Error": Status.FAILED,
 }
+
+_STOPPED = (Status.LOCALLY_INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT)  # perhaps at a feasible point
 
 
 class _AfterIteration(casadi.Callback):
@@ -99,7 +102,7 @@ class Ipopt:
             raise InputError(f"linear solver {self.linear_solver!r}; allowed are {', '.join(LINEAR_SOLVERS)}")
 
     @one_blas_thread
-    def solve(self, nlp: NLP, x0: Array, warm: Solution | None = None) -> Solution:
+    def solve(self, nlp: NLP, x0: Array, warm: NLPResult | None = None) -> NLPResult:
         """Solves an NLP from ``x0 (n,)``; Ctrl-C raises ``KeyboardInterrupt`` after the iteration it comes in.
 
         Args:
@@ -119,7 +122,7 @@ class Ipopt:
             finer = scaled._run(nlp, solution.x, None, begun)
             if finer.ok and finer.f <= solution.f:
                 solution = replace(finer, iterations=solution.iterations + finer.iterations)
-        if solution.status is Status.INFEASIBLE:
+        if solution.status is Status.LOCALLY_INFEASIBLE:
             return replace(solution, conflicts=self.conflicts(nlp, solution.x), seconds=time.perf_counter() - begun)
         return solution
 
@@ -147,7 +150,7 @@ class Ipopt:
             }
         return settings | dict(wanted) | dict(self.options)
 
-    def _run(self, nlp: NLP, x0: Array, warm: Solution | None, begun: float) -> Solution:
+    def _run(self, nlp: NLP, x0: Array, warm: NLPResult | None, begun: float) -> NLPResult:
         multipliers: dict[str, Array] = {}
         if warm is not None and warm.bound_multipliers is not None and len(warm.bound_multipliers) == len(x0):
             multipliers = {"lam_x0": warm.bound_multipliers, "lam_g0": matched_multipliers(nlp, warm)}
@@ -180,9 +183,9 @@ class Ipopt:
         status = _STATUS.get(stats["return_status"], Status.FAILED)
         if status.ok and not violation <= self.feasibility:
             status = Status.FAILED
-        elif status in (Status.INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT) and violation <= self.feasibility:
+        elif status in _STOPPED and violation <= self.feasibility:
             status = Status.FEASIBLE
-        return Solution(
+        return NLPResult(
             name=nlp.name,
             x=x,
             f=float(result["f"]),
@@ -198,9 +201,9 @@ class Ipopt:
         )
 
     def conflicts(self, nlp: NLP, x0: Array) -> tuple[Conflict, ...]:
-        """The limits that cannot hold together, from the elastic problem: least sum of excesses over the bounds.
+        """The limits that do not hold together, from the elastic problem: least sum of excesses over the bounds.
 
-        A limit with an excess cannot be met; one without, but with a multiplier, is in its way.
+        A limit with an excess is not met at the point it comes to; one without, but with a multiplier, is in its way.
         """
         n, m = nlp.x.numel(), nlp.g.numel()
         over, under = casadi.MX.sym("over", m), casadi.MX.sym("under", m)
@@ -249,6 +252,6 @@ class Ipopt:
         return tuple(sorted(found.values(), key=lambda c: -c.excess / c.row.scale))
 
 
-def matched_multipliers(nlp: NLP, warm: Solution) -> Array:
+def matched_multipliers(nlp: NLP, warm: NLPResult) -> Array:
     """Multipliers of an earlier solution for the rows of a new NLP: zero for rows that are new."""
     return np.array([warm.multipliers.get(row, 0.0) for row in nlp.rows])

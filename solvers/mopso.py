@@ -20,6 +20,7 @@ from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.records import Found, ignore
 from ocp_traj.solvers.evolution import Vectorised, evolve, front_of, require_sizes
 from ocp_traj.solvers.pareto_set import ParetoSet
 
@@ -63,6 +64,7 @@ class MOPSO:
         per_segment: instants a segment at which limits are looked at, at least its degree; the audit has the last word.
         max_seconds: stop after the iteration that passes this.
         progress: told after each iteration.
+        found: given a record of the feasible points that are best, now and then.
     """
 
     seed: int
@@ -73,6 +75,7 @@ class MOPSO:
     per_segment: int = 5
     max_seconds: float = np.inf
     progress: Progress = silent
+    found: Found = ignore
 
     def __post_init__(self) -> None:
         """Checks the numbers and names."""
@@ -94,5 +97,5 @@ class MOPSO:
             algorithm = _Competitive(
                 pop_size=self.population, sampling=start, elite_size=max(10, self.population // 10)
             )
-        run = evolve(algorithm, target, self.generations, self.seed, self.max_seconds, self.progress)
+        run = evolve(algorithm, target, self.generations, self.seed, self.max_seconds, self.progress, found=self.found)
         return front_of(run, target, problem, "mopso", self.seed, self.population, self.generations)

@@ -10,16 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.nlp import NLP, Solution, Status
+from ocp_traj.nlp import NLP, NLPResult, Status
 from ocp_traj.optima import distinct, with_sampled
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.scalarise import Scalarisation, WeightedSum
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.incumbent import no_worse_than
 from ocp_traj.stopping import STOPS, stopping
 
 Array = NDArray[np.float64]
-_Pair = tuple[Solution, Solution]  # of a first NLP, and what it led to
+_Pair = tuple[NLPResult, Solution]  # of a first NLP, and what it led to
 
 SOLVES = 2  # of each start when all optima are wanted
 NARROW = {"mu_init": 1e-6, "bound_push": 1e-8, "bound_frac": 1e-8}  # our choice: IPOPT's own are 0.1, 0.01, 0.01
@@ -89,17 +91,22 @@ class Multistart:
         pairs: list[_Pair] = []
         solutions, interrupted = self._solved(problem, scalarisation, pairs)
         optima = with_sampled(problem, distinct(problem, solutions, SOLVES), pairs) if self.all_optima else ()
-        return replace(best_of(solutions), seconds=time.perf_counter() - begun, optima=optima, interrupted=interrupted)
+        each = SOLVES if self.all_optima else 1
+        return replace(
+            best_of(solutions), seconds=time.perf_counter() - begun, optima=optima, starts=len(solutions) // each,
+            interrupted=interrupted,
+        )  # fmt: skip
 
     def _alone(self, problem: Problem, scalarisation: Scalarisation, x0: Array) -> list[Solution]:
         stone = problem.stepping_stone
         if stone in ("", *scalarisation.names):
             return [self.solver.solve(problem, scalarisation, x0)]
-        key = f"stepping stone {self.solver!r} {x0.tobytes().hex()}"
+        key = "stepping stone", repr(self.solver), x0.tobytes()
         first = problem.cached(key, lambda: self.solver.solve(problem, WeightedSum({stone: 1.0}), x0))
         if not first.ok:
             return [self.solver.solve(problem, scalarisation, x0)]
         solution = replace(self.solver, first=first.instants).solve(problem, scalarisation, first.x)
+        solution = no_worse_than(problem, scalarisation, solution, x0)
         return [replace(solution, iterations=first.iterations + solution.iterations)]
 
     def _shared(
@@ -131,10 +138,18 @@ class Multistart:
 
 
 def best_of(solutions: Sequence[Solution]) -> Solution:
-    """Proved before unproved, usable before failed, infeasible (it says why) before other failures, then least f."""
+    """Proved before unproved, usable before failed, then least f.
 
-    def rank(solution: Solution) -> tuple[bool, bool, bool, float]:
+    Of failures one that has a trajectory comes first, then the nearest of those that say which limits they miss; what
+    is infeasible for certain comes last, for it says nothing of the others.
+    """
+    order = (Status.UNPROVED, Status.LOCALLY_INFEASIBLE)
+
+    def rank(solution: Solution) -> tuple[bool, bool, int, bool, float]:
         proved = solution.audit is not None and solution.audit.proved
-        return not proved, not solution.ok, solution.status is not Status.INFEASIBLE, solution.f
+        local = solution.status is Status.LOCALLY_INFEASIBLE
+        kind = order.index(solution.status) if solution.status in order else len(order)
+        value = solution.violation if local else solution.f
+        return not proved, not solution.ok, kind, solution.status is Status.INFEASIBLE, value
 
     return min(solutions, key=rank)

@@ -17,6 +17,7 @@ from pymoo.operators.mutation.pm import PM
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.records import Found, ignore
 from ocp_traj.solvers.evolution import Vectorised, evolve, front_of, require_sizes
 from ocp_traj.solvers.pareto_set import ParetoSet
 
@@ -33,6 +34,7 @@ class NSGA2:
         per_segment: instants a segment at which limits are looked at, at least its degree; the audit has the last word.
         max_seconds: stop after the generation that passes this.
         progress: told after each generation.
+        found: given a record of the feasible points that are best, now and then.
     """
 
     seed: int
@@ -45,6 +47,7 @@ class NSGA2:
     per_segment: int = 5
     max_seconds: float = np.inf
     progress: Progress = silent
+    found: Found = ignore
 
     def __post_init__(self) -> None:
         """Checks the numbers."""
@@ -61,5 +64,5 @@ class NSGA2:
             crossover=SBX(prob=self.crossover, eta=self.crossover_index),
             mutation=PM(prob=1.0, prob_var=self.mutation, eta=self.mutation_index),
         )
-        run = evolve(algorithm, target, self.generations, self.seed, self.max_seconds, self.progress)
+        run = evolve(algorithm, target, self.generations, self.seed, self.max_seconds, self.progress, found=self.found)
         return front_of(run, target, problem, "nsga2", self.seed, self.population, self.generations)

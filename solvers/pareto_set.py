@@ -1,4 +1,4 @@
-"""What a front method returns: decision vectors, and how it came by them."""
+"""What a front method returns: decision vectors, and how it came by them; and the proved front that is made of them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.front import Front
 from ocp_traj.problem import Problem
+from ocp_traj.solvers.repair import slow_down
 
 Array = NDArray[np.float64]
 
@@ -42,3 +44,18 @@ class FrontMethod(Protocol):
 
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
         """Approximates the Pareto set of some objectives of a problem."""
+
+
+def proved_front(problem: Problem, objectives: Sequence[str], found: ParetoSet, keep_unproved: bool = False) -> Front:
+    """The proved and non-dominated of what a method found, settled and slowed down where that helps; ``Front.of``."""
+    settled = found.xs if problem.settle is None else [problem.settle(x) for x in found.xs]
+    xs, checked = slow_down(problem, settled)
+    # What was found may be proved where what it was settled to is not: a little less is asked of it.
+    unproved = [i for i, one in enumerate(checked) if not one.proved] if problem.settle is not None else []
+    for i, x in zip(unproved, slow_down(problem, [found.xs[i] for i in unproved])[0], strict=True):
+        xs[i] = x
+    info = {**found.info, "interrupted": found.interrupted}
+    return Front.of(
+        problem, tuple(objectives), xs,
+        method=found.method, seed=found.seed, seconds=found.seconds, info=info, keep_unproved=keep_unproved,
+    )  # fmt: skip

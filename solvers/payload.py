@@ -18,9 +18,9 @@ from ocp_traj.audit import audit_all
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.fixed_states import fixed_values
-from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.scalarise import EpsilonConstraint
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.multistart import Multistart
 from ocp_traj.stopping import current
 from ocp_traj.trajectory import Trajectory
@@ -138,7 +138,7 @@ def along(problem: Problem, trajectory: Trajectory, largest: float | None = None
             high, above = float(masses[first]), found[first]
         if first > 0:
             low = float(masses[first - 1])
-    carried = replace(trajectory, parameters={**trajectory.parameters, PARAMETER: low})
+    carried = _carrying(problem, trajectory, low)
     row = above.failures[0]
     return LargestPayload(
         payload=low,
@@ -153,6 +153,17 @@ def along(problem: Problem, trajectory: Trajectory, largest: float | None = None
         trajectory=carried,
         audit=audits([low])[0],
     )
+
+
+def _carrying(problem: Problem, trajectory: Trajectory, mass: float) -> Trajectory:
+    """The trajectory with another payload [kg], in its case and its variables as well where they have one."""
+    case, variables = dict(trajectory.case), dict(trajectory.variables)
+    if hasattr(problem.case, PARAMETER):
+        case[PARAMETER] = mass
+    if PARAMETER in variables:
+        variables[PARAMETER] = np.array([mass])
+    parameters = {**trajectory.parameters, PARAMETER: mass}
+    return replace(trajectory, case=case, variables=variables, parameters=parameters, origin=None)
 
 
 @one_blas_thread

@@ -18,10 +18,10 @@ from pymoo.algorithms.soo.nonconvex.pso import PSO as PymooPSO
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, quoted
-from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.scalarise import Scalarisation
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.evolution import Evolution, Vectorised, evolve, require_sizes, single_objective, solution_of
 
 Array = NDArray[np.float64]

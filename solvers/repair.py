@@ -11,9 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.audit import audit_all
 from ocp_traj.problem import Problem
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import audit_points
 from ocp_traj.verdicts import Audit
 
 Array = NDArray[np.float64]
@@ -39,7 +38,7 @@ def slow_down(
         The vectors, mended where that was possible, and their audits.
     """
     xs = [np.asarray(x, dtype=float) for x in xs]
-    checked = list(audits or audit_all([trajectory(problem, x) for x in xs], problem.requirements))
+    checked = list(audits or (found for _, found in audit_points(problem, xs)))
     if problem.dilate is None:
         return xs, checked
     excess = {i: max(largest_excess(problem, found), 1e-9) for i, found in enumerate(checked) if not found.proved}
@@ -47,8 +46,8 @@ def slow_down(
     for multiple in MULTIPLES:
         trial = {i: np.asarray(problem.dilate(original[i], 1.0 + multiple * e)) for i, e in excess.items()}
         trial = {i: x for i, x in trial.items() if multiple * excess[i] <= LARGEST - 1.0 and (x <= problem.upper).all()}
-        audited = audit_all([trajectory(problem, x) for x in trial.values()], problem.requirements)
-        for i, found in zip(trial, audited, strict=True):
+        audited = audit_points(problem, list(trial.values()))
+        for i, (_, found) in zip(trial, audited, strict=True):
             if found.proved:
                 xs[i], checked[i] = trial[i], found
                 del excess[i]

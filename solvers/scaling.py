@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.bernstein import basis, difference_matrix, turning_times
+from ocp_traj.bernstein import difference_matrix, turning_values
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
 from ocp_traj.symbolic import curve_function
@@ -46,7 +46,8 @@ class TimeScaling:
             for k, (values, (rows, dof)) in enumerate(zip(flat, self._shapes, strict=True)):
                 points = np.swapaxes(values.reshape(dof, rows, -1), 0, 1).reshape(rows, -1)
                 hodograph = difference_matrix(rows - 1, limit.order) @ points
-                high, low = (v.reshape(dof, -1) / durations[k] ** limit.order for v in _range(hodograph))
+                found = turning_values(hodograph)[1]
+                high, low = (v.reshape(dof, -1) / durations[k] ** limit.order for v in (found.max(0), found.min(0)))
                 with np.errstate(divide="ignore", invalid="ignore"):
                     share = np.maximum(high / limit.upper[:, None], low / limit.lower[:, None])
                 least = np.maximum(least, np.nan_to_num(share.max(axis=0), nan=0.0) ** (1.0 / limit.order))
@@ -59,12 +60,3 @@ class TimeScaling:
             if 0.0 < s < np.inf:
                 scaled[i] = self.dilate(x[i], s * (1.0 + ROOM))
         return np.clip(scaled, self.problem.lower, self.problem.upper)
-
-
-def _range(points: Array) -> tuple[Array, Array]:
-    """Largest and smallest value ``(N,)`` of scalar curves on [0, 1], by the roots of their derivatives."""
-    inner = turning_times(points)
-    times = np.concatenate([np.zeros((1, inner.shape[1])), inner, np.ones((1, inner.shape[1]))])
-    weights = basis(len(points) - 1, times.ravel()).reshape(*times.shape, len(points))
-    values = np.einsum("kni,in->kn", weights, points)
-    return values.max(axis=0), values.min(axis=0)

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.bernstein import turning_times
-from ocp_traj.problem import Objective, Problem
+from ocp_traj.objective import Objective
+from ocp_traj.problem import Problem
 from ocp_traj.scalarise import Scalarisation
 from ocp_traj.solvers.peaks import follow, where
 from ocp_traj.symbolic import row_variations, variation_matrix, variations

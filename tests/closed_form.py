@@ -1,25 +1,25 @@
-"""Answers known without the package's solvers: closed forms, and recomputation with NumPy, scipy and pinocchio."""
+"""Answers known without the package's solvers: closed forms, and recomputation with NumPy and scipy."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import sqrt
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 from scipy.interpolate import BPoly, CubicSpline
 
 from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.nlp import NLP, Row
-from ocp_traj.problem import Objective, Problem, Variable
+from ocp_traj.nlp import NLP
+from ocp_traj.objective import Objective, gauss
+from ocp_traj.problem import Problem, Variable
 from ocp_traj.requirements import SWEEP, PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.rows import Row
 
 Array = npt.NDArray[np.float64]
 
-# Gauss and Legendre's rule with 4 nodes on [0, 1]: exact to degree 7.
-GAUSS = tuple((0.5 + 0.5 * float(x), 0.5 * float(w)) for x, w in zip(*np.polynomial.legendre.leggauss(4), strict=True))
+GAUSS = gauss(4)  # exact to degree 7
 
 
 # --- one joint, rest to rest, by a quintic: q = D (10 u^3 - 15 u^4 + 6 u^5), u = t/T ---
@@ -113,7 +113,7 @@ def septic_problem(case: Septic | None = None) -> Problem:
         robot=None,
         variables=(Variable("P", np.full(2, -5.0), np.full(2, 5.0), "rad", ("P3", "P4")),),
         curve=curve,
-        objectives=(Objective("jerk", "rad2/s5", 10.0, integrand=lambda s: s.jerk**2, quadrature=GAUSS_8),),
+        objectives=(Objective("jerk", "rad2/s5", 10.0, integrand=lambda s: s.jerk**2, quadrature=gauss(8)),),
         default_objective="jerk",
         requirements=Requirements(
             ("j",), ("rad",), (PathConstraint.on_derivative("position-limit", 0, -5.0, 5.0, ("rad",), ("j",)),)
@@ -123,9 +123,6 @@ def septic_problem(case: Septic | None = None) -> Problem:
 
 
 # Exact to degree 15: the squared jerk of a septic has degree 8.
-GAUSS_8 = tuple(
-    (0.5 + 0.5 * float(x), 0.5 * float(w)) for x, w in zip(*np.polynomial.legendre.leggauss(8), strict=True)
-)
 
 
 @dataclass(frozen=True)
@@ -353,128 +350,7 @@ def small_nlp(
     )
 
 
-# --- a trajectory, from its file, without the package ---
-
-
-def bpoly_of(data: dict[str, Any]) -> BPoly:
-    """scipy's Bernstein polynomial of a saved trajectory whose segments share one degree."""
-    return BPoly(
-        np.stack([np.array(p) for p in data["control_points"]], axis=1),
-        np.concatenate([[0.0], np.cumsum(data["durations"])]),
-    )
-
-
-# --- the hybrid robot of Guo et al. (2016), with pinocchio alone ---
-
-G = 9.80665  # [m/s^2], below (42)
-L1, L2, L3, L4, L5, L01 = 0.420, 0.050, 0.450, 0.180, 0.180, 0.400  # [m], Table 1
-LP = 0.225 - (0.180 + sqrt(2.0) * 0.080)  # [m], (8)
-# Table 2: velocity [m/s, rad/s], acceleration [m/s^2, rad/s^2], jerk (100 000 mm/s^3 for joints 1-3), force [N, N m].
-VELOCITY = np.array([0.25, 0.25, 0.25, 1.96, 1.96])
-ACCELERATION = np.array([5.0, 5.0, 5.0, 60.0, 60.0])
-JERK = np.array([100.0, 100.0, 100.0, 1200.0, 1200.0])
-FORCE = np.array([500.0, 500.0, 500.0, 17.0, 17.0])
-POSITION = np.array([[0.0, 0.0, 0.0, -pi, -pi], [1.0, 1.0, 0.5, pi, pi]])
-# Table 4: mass [kg]; Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the centre of mass [kg mm^2]; centre of mass [mm].
-LINKS = (
-    (83.025, (5095170.782, 3291706.841, 2367692.766, -61.008, 1019.065, -15.858), (0.0, 0.0, -44.182)),
-    (21.333, (1475990.573, 2366543.574, 911968.216, -3970.014, -748196.633, -8327.223), (-304.563, -1.306, -278.925)),
-    (8.022, (142265.977, 45016.139, 109393.601, -0.114, 0.002, 46002.096), (0.0, -63.686, -468.138)),
-    (9.120, (119573.680, 36160.108, 94076.578, 27.342, -0.849, -18452.465), (0.0, -52.909, -261.241)),
-)
-
-
-def _rotation(axis: str, angle: float) -> pin.SE3:
-    return pin.SE3(pin.utils.rotate(axis, angle), np.zeros(3))
-
-
-def _translation(x: float, y: float, z: float) -> pin.SE3:
-    return pin.SE3(np.eye(3), np.array([x, y, z]))
-
-
-class HybridRobot:
-    """The serial model built joint by joint from Tables 1, 3 and 4, and the actuator map (90), (92) written out.
-
-    Args:
-        payload: point mass at the tool [kg].
-        literal: the payload pulls along the tool's own z axis instead, as the paper's numbers have it (eq. 73).
-    """
-
-    def __init__(self, payload: float = 10.0, *, literal: bool = False) -> None:
-        link = [
-            pin.SE3.Identity(),
-            _translation(L3, 0.0, L01),
-            _rotation("z", -pi / 2) * _translation(0.0, 0.0, L2 + L4 + sqrt(2.0) * L5) * _rotation("x", pi / 4),
-            _rotation("z", pi) * _rotation("x", pi / 4),
-        ]  # frames of Table 3 in their joints' frames
-        self.tool = link[3] * _translation(0.0, 0.0, LP)
-        model = pin.Model()
-        model.gravity.linear = np.array([0.0, 0.0, G])  # Z0 points down
-        joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "d1")
-        for i, (kind, frame) in enumerate(
-            zip((pin.JointModelRZ, pin.JointModelPZ, pin.JointModelRZ, pin.JointModelRZ), link, strict=True)
-        ):
-            joint = model.addJoint(joint, kind(), pin.SE3.Identity() if i < 2 else link[i - 1], f"joint{i}")
-            mass, (xx, yy, zz, xy, xz, yz), centre = LINKS[i]
-            inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) * 1e-6
-            body = pin.Inertia(mass, np.array(centre) * 1e-3, inertia)
-            model.appendBodyToJoint(joint, body, frame)
-        self.pull = pin.Force.Zero()
-        if literal:
-            force = payload * G * self.tool.rotation[:, 2]
-            self.pull = pin.Force(force, np.cross(self.tool.translation, force))
-        else:
-            point = pin.Inertia(payload, np.zeros(3), np.zeros((3, 3)))
-            model.appendBodyToJoint(joint, point, self.tool)
-        self.model, self.data = model, model.createData()
-
-    @staticmethod
-    def serial(q: Array) -> Array:
-        """Serial coordinates d1, alpha, X_S3, phi4, phi5."""
-        return np.array([(q[0] + q[1]) / 2, np.arctan((q[1] - q[0]) / L1), q[2], q[3], q[4]])
-
-    def effort(self, q: Array, v: Array, a: Array) -> Array:
-        """Actuator efforts J^T tau, (110)."""
-        w, dw, ddw = ((x[1] - x[0]) / L1 for x in (q, v, a))
-        slope = 1.0 / (1.0 + w**2)
-        rate = np.array([(v[0] + v[1]) / 2, slope * dw, *v[2:]])
-        rate2 = np.array([(a[0] + a[1]) / 2, slope * ddw - 2.0 * w * (slope * dw) ** 2, *a[2:]])
-        forces = [pin.Force.Zero() for _ in range(5)] + [self.pull]
-        tau = pin.rnea(self.model, self.data, self.serial(q), rate, rate2, forces)
-        jacobian = np.eye(5)
-        jacobian[:2, :2] = [[0.5, 0.5], [-slope / L1, slope / L1]]
-        return np.asarray(jacobian.T @ tau)
-
-    def tool_pose(self, q: Array) -> tuple[Array, Array]:
-        """Rotation and position [m] of the tool frame."""
-        pin.forwardKinematics(self.model, self.data, self.serial(q))
-        pose = self.data.oMi[5] * self.tool
-        return pose.rotation, pose.translation
-
-    def objectives(self, curve: CubicSpline, *, literal: bool = False) -> dict[str, float]:
-        """z1 .. z4 of (113)-(116) with the trapezoid rule over the spline's knots."""
-        t = curve.x
-        q, v, a, jerk = (curve(t, order) for order in range(4))
-        efforts = np.array([self.effort(*state) for state in zip(q, v, a, strict=True)])
-        power = np.abs(efforts * v)
-        energy = power.sum(axis=1) ** 2 if literal else (power**2).sum(axis=1)
-        return {
-            "time": float(t[-1] - t[0]),
-            "energy": float(np.trapezoid(energy, t)),
-            "jerk": float((np.diff(t)[:, None] * jerk[:-1] ** 2).sum()),
-            "acceleration": float(np.trapezoid((a**2).sum(axis=1), t)),
-        }
-
-    def worst_excess(self, data: dict[str, Any], samples: int = 20_000) -> float:
-        """Largest relative excess over Table 2 and the yaw range below (7) of a saved trajectory; < 0 where met."""
-        curve = bpoly_of(data)
-        t = np.linspace(0.0, curve.x[-1], samples)
-        q, v, a, jerk = (curve.derivative(order)(t) if order else curve(t) for order in range(4))
-        efforts = np.array([self.effort(*state) for state in zip(q, v, a, strict=True)])
-        shares = [v / VELOCITY, a / ACCELERATION, jerk / JERK, efforts / FORCE, (q[:, 1] - q[:, 0])[:, None] / L1]
-        half = (POSITION[1] - POSITION[0]) / 2
-        position = np.maximum(q - POSITION[1], POSITION[0] - q) / half
-        return float(max(position.max(), *(np.abs(share).max() - 1.0 for share in shares)))
+# --- the spline of Guo et al. (2016), by scipy ---
 
 
 def clamped_spline(via_points: Array, h: Array) -> CubicSpline:

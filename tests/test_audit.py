@@ -32,11 +32,19 @@ from ocp_traj.curves import cubic_spline_free_ends
 from ocp_traj.errors import InputError, KinkedExpression, ProblemDefinitionError, UnsupportedOperation
 from ocp_traj.evaluate import limit_on
 from ocp_traj.prover import curvature_function, domain_function
-from ocp_traj.requirements import ORDERS, PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.requirements import (
+    ORDERS,
+    DurationConstraint,
+    ParameterBound,
+    PathConstraint,
+    PointConstraint,
+    Requirements,
+    State,
+)
 from ocp_traj.robot import Robot
 from ocp_traj.tape import Tape
 from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory as of_vector
+from ocp_traj.trajectory import trajectory_of as of_vector
 from ocp_traj.verdicts import ALLOWANCE, CHECKED, PROVED, UNDECIDED, VIOLATED, Audit, AuditRow
 from tests.random_robots import random_robot
 
@@ -362,9 +370,9 @@ def test_limits_on_derivatives_hold_exactly(family: str) -> None:
                 for time in (extreme.lower_time, extreme.upper_time):
                     for k, u in zip(*instants(curve, time), strict=True):
                         exact += [exact_derivative(curve, int(k), order, joint, Fraction(float(x))) for x in _around(u)]
-                allowance = Fraction(ALLOWANCE) * Fraction(float(upper - lower))
+                below, above = (Fraction(ALLOWANCE) * abs(Fraction(float(b))) for b in (lower, upper))
                 if row.verdict == PROVED:
-                    assert Fraction(lower) - allowance <= min(exact) and max(exact) <= Fraction(upper) + allowance
+                    assert Fraction(lower) - below <= min(exact) and max(exact) <= Fraction(upper) + above
                     assert miss[joint] > -1e-8 or extreme.upper - extreme.lower < 2e-3
                 if row.verdict == VIOLATED:
                     there = [
@@ -634,6 +642,51 @@ def test_what_rests_exactly_on_its_limit_is_proved(size: float) -> None:
     assert row.verdict == PROVED
 
 
+@pytest.mark.parametrize("order", [None, 0])
+def test_the_allowance_is_of_the_bound_that_is_tested_not_of_the_range(order: int | None) -> None:
+    # A placeholder on the other side excuses nothing: 1e-12 of the range would be 1 here.
+    for sign in (1.0, -1.0):
+        lower, upper = sorted((-sign * 1e12, sign))
+        row = audit_of(lambda s: s.q[0], lower, upper, [0.0, sign * 1.4], order=order)
+        assert (row.verdict, row.bound) == (VIOLATED, sign)
+        assert row.allowance == pytest.approx(ALLOWANCE) and row.attained == pytest.approx(sign * 1.4)
+    row = audit_of(lambda s: s.q[0], 0.0, 1e12, [-1e-9, 1.0], order=order)
+    assert (row.verdict, row.bound) == (VIOLATED, 0.0) and row.allowance <= 1e-300
+
+
+def test_an_allowance_is_relative_to_each_bound_and_can_be_given() -> None:
+    row = audit_of(lambda s: s.q[0], -1.0, 100.0, [0.0, 100.0 * (1.0 + 9e-10)], allowance=1e-9)
+    assert row.verdict == PROVED and row.allowance == pytest.approx(1e-7)
+    assert audit_of(lambda s: s.q[0], -1.0, 100.0, [0.0, 100.0 * (1.0 + 9e-10)]).verdict == VIOLATED
+    for allowance in (-1e-9, 1.0, math.nan):
+        with pytest.raises(InputError, match="give a number from 0 to below 1"):
+            audit_of(lambda s: s.q[0], -1.0, 100.0, [0.0, 1.0], allowance=allowance)
+
+
+def test_durations_and_parameters_are_rows_that_are_checked() -> None:
+    weld = DurationConstraint("weld-time", (1, -1), np.array([0.5, 0.0]), np.array([0.5, 2.0]))
+    requirements = Requirements(
+        ("a",), ("m",), (), (), ("payload",),
+        duration_constraints=(weld,), parameter_bounds=(ParameterBound("payload", 0.0, np.inf, "kg"),),
+    )  # fmt: skip
+    points = [np.zeros((2, 1))] * 3
+
+    def verdicts(durations: Sequence[float], payload: float) -> list[str]:
+        motion = Trajectory(PiecewiseBezier(durations, points), ("a",), parameters={"payload": payload})
+        return [row.verdict for row in audit(motion, requirements).rows]
+
+    assert verdicts([9.0, 0.5, 2.0], 0.0) == [CHECKED] * 3
+    assert verdicts([9.0, 0.5 * (1.0 + 1e-10), 2.0], 1e9) == [CHECKED] * 3
+    assert verdicts([9.0, 0.50001, 2.1], -1e-9) == [VIOLATED] * 3
+    assert verdicts([9.0, 0.5, 2.0], math.nan) == [CHECKED, CHECKED, VIOLATED]
+    with pytest.raises(InputError, match="on segment 1; the trajectory has segments 0 to 0"):
+        audit(Trajectory(PiecewiseBezier([1.0], points[:1]), ("a",), parameters={"payload": 0.0}), requirements)
+    with pytest.raises(ProblemDefinitionError, match="0 <= lower <= upper"):
+        DurationConstraint("weld-time", (0,), np.array([2.0]), np.array([1.0]))
+    with pytest.raises(ProblemDefinitionError, match=r"'mass'; parameters are \[\]"):
+        Requirements(("a",), ("m",), (), parameter_bounds=(ParameterBound("mass", 0.0, 1.0, "kg"),))
+
+
 def test_a_peak_at_its_limit_is_proved_with_the_allowance_and_undecided_without() -> None:
     arch = (lambda s: casadi.sin(s.q[0]), -INF, 1.0, [1.0, 2.0, 2.2])
     assert audit_of(*arch).verdict == PROVED
@@ -825,7 +878,8 @@ def test_verdict_of_the_whole_is_the_worst() -> None:
         )
         assert worst in found.explain() and len(found.table) == len(names)
     assert Audit((rows[CHECKED], rows[PROVED])).margin == 0.5
-    assert Audit(()).proved and Audit(()).margin == INF
+    nothing = Audit(())
+    assert (nothing.verdict, nothing.margin) == (UNDECIDED, INF) and "ask nothing" in nothing.explain()
 
 
 def test_trajectories_are_audited_together_as_alone(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -851,9 +905,9 @@ def test_what_does_not_fit_the_limits_is_refused() -> None:
     )
     requirements = Requirements(("a", "b"), ("m", "m"), (limit,), parameters=("payload",))
     curve = PiecewiseBezier([1.0], [np.zeros((3, 2))])
-    with pytest.raises(InputError, match="1 joints"):
+    with pytest.raises(InputError, match=r"joints are \['a'\], those of the limits \['a', 'b'\]"):
         audit(Trajectory(PiecewiseBezier([1.0], [np.zeros((3, 1))]), ("a",)), requirements)
-    with pytest.raises(InputError, match="order"):
+    with pytest.raises(InputError, match="same order"):
         audit(Trajectory(curve, ("b", "a"), parameters={"payload": 1.0}), requirements)
     with pytest.raises(InputError, match="payload"):
         audit(Trajectory(curve, ("a", "b")), requirements)

@@ -1,6 +1,8 @@
 """Certificates of the shortest time: never wrong, tight where they say so, refused where they do not apply."""
 
+import re
 from dataclasses import dataclass, replace
+from fractions import Fraction
 
 import casadi
 import numpy as np
@@ -10,13 +12,15 @@ from ocp_traj import problems
 from ocp_traj.audit import audit
 from ocp_traj.curves import polynomial_353
 from ocp_traj.errors import InputError
-from ocp_traj.nlp import Solution, Status
-from ocp_traj.problem import Objective, Problem, Variable
+from ocp_traj.nlp import Status
+from ocp_traj.objective import Objective
+from ocp_traj.problem import Problem, Variable
 from ocp_traj.requirements import PathConstraint, Requirements
 from ocp_traj.scalarise import EpsilonConstraint, WeightedSum
+from ocp_traj.solution import Certificate, Solution
 from ocp_traj.solvers.branch_and_bound import BranchAndBound, _Search
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import trajectory_of
 
 TIME = WeightedSum({"time": 1.0})
 
@@ -55,7 +59,7 @@ def small_problem(seed: int, longest: float = 60.0, position: float = np.inf) ->
 
 def as_solution(problem: Problem, x: np.ndarray) -> Solution:
     """A decision vector as a proved solution."""
-    moved = trajectory(problem, x)
+    moved = trajectory_of(problem, x)
     found = audit(moved, problem.requirements)
     assert found.proved
     return Solution(problem.id, x, float(x.sum()), Status.FEASIBLE, 0.0, 0, 0.0, trajectory=moved, audit=found)
@@ -63,7 +67,7 @@ def as_solution(problem: Problem, x: np.ndarray) -> Solution:
 
 def exact_time(problem: Problem, ratios: np.ndarray) -> float:
     """The shortest time at given ratios, by the exact extrema of the derivatives."""
-    curve = trajectory(problem, ratios / ratios.sum()).curve
+    curve = trajectory_of(problem, ratios / ratios.sum()).curve
     slow = 0.0
     for limit in problem.requirements.path_constraints:
         order = limit.order or 0
@@ -103,6 +107,30 @@ def test_bounds_of_boxes_are_below_every_time_in_them(seed: int) -> None:
             x = np.append(1.0, z) / (1.0 + z.sum()) * time
             if (x <= problem.upper).all():
                 assert max(time, (0.05 * (1.0 + z.sum()) / np.append(1.0, z)).max()) >= bound * (1.0 - 1e-12)
+
+
+def test_the_lagrangian_claims_nothing_beyond_the_times_it_was_bounded_over() -> None:
+    """Bounded over times up to 70 % of the shortest there are, it is larger than they are all over some boxes."""
+    problem = small_problem(0, position=0.5)
+    best = BranchAndBound().solve(problem, TIME, np.ones(3))
+    end = 0.7 * best.f
+    search = _Search(problem, best, end, end)
+    ratios = best.x[1:] / best.x[0]
+    low, high = np.outer([0.9, 0.99, 0.999], ratios).T, np.outer([1.1, 1.01, 1.001], ratios).T
+    centre = 0.5 * (low + high)
+    bounds = search._with_others((low, high), centre, search.rows.peaks(centre), np.zeros(3))
+    assert (bounds > 0.0).all() and (bounds <= end).all()
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper"), [(1.7313607177882824, 1.7313622466969796), (12.0, 12.5), (0.1, 0.2), (123456.7890123, 1e6 / 3)]
+)
+def test_a_printed_bound_is_one(lower: float, upper: float) -> None:
+    words = Certificate(lower, upper, True, 1, 0.0, "").explain()
+    numbers = [Fraction(n) for n in re.findall(r"(?:below|is|of) ([\d.e+-]+\d)", words)]
+    assert numbers[0] <= Fraction(lower) and numbers[1] >= Fraction(upper)
+    assert numbers[2] >= (Fraction(upper) - Fraction(lower)) / Fraction(upper)
+    assert float(numbers[0]) == pytest.approx(lower, rel=1e-9) and float(numbers[1]) == pytest.approx(upper, rel=1e-9)
 
 
 def test_a_slow_solution_is_not_certified_and_a_better_point_is_named() -> None:

@@ -14,8 +14,11 @@ from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.errors import FileFormatError, InputError
 from ocp_traj.export import export
 from ocp_traj.front import Front
-from ocp_traj.store import save_run
+from ocp_traj.records import of_population
+from ocp_traj.run_reader import load_run
+from ocp_traj.store import Run, request, save_run
 from ocp_traj.trajectory import Trajectory
+from tests.closed_form import quintic_problem
 
 needs_pyarrow = pytest.mark.skipif(find_spec("pyarrow") is None, reason="needs ocp-traj[parquet]")
 
@@ -74,6 +77,29 @@ def test_a_table_without_a_run_has_no_metadata(run: Path, tmp_path: Path) -> Non
     (tmp_path / "front.csv").write_bytes((run / "front.csv").read_bytes())
     data = json.loads(export(tmp_path / "front.csv", "json", tmp_path / "out.json").read_text())
     assert data["metadata"] == {} and len(data["rows"]) == 3
+
+
+def test_a_run_that_goes_on_is_exported_as_far_as_it_is(front: Front, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    with Run(folder, request(front.problem, front.objectives, "nsga2")) as run:
+        for rows in (0, 1):
+            table = pd.read_csv(export(folder, "csv", tmp_path / "out.csv"))
+            assert len(table) == rows and list(table.columns[1:]) == list(front.table.columns)
+            run.found(of_population([front.points[1].x]))
+    assert table["time [s]"].tolist() == approx([1.3 * 6.19]) and table["verdict"].tolist() == ["proved"]
+
+
+def test_a_run_of_no_known_problem_is_exported_as_its_table_says(tmp_path: Path) -> None:
+    """There is nothing to prove its points with: only who names the table itself gets it."""
+    quintic = quintic_problem()
+    run = save_run(
+        Front.of(quintic, ["time", "effort"], [[2.5], [3.0]], method="", seed=0, seconds=1.0), tmp_path / "run"
+    )
+    data = json.loads(export(run / "front.csv", "json", tmp_path / "out.json").read_text())
+    assert data["metadata"]["problem"] == "quintic" and [row["T [s]"] for row in data["rows"]] == [2.5, 3.0]
+    with pytest.raises(FileFormatError, match="there is no problem 'quintic'"):
+        export(run, "json", tmp_path / "again.json")
+    assert len(load_run(run, quintic)) == 2
 
 
 # --- trajectories ---
@@ -220,5 +246,5 @@ def test_a_source_that_is_neither_front_nor_trajectory_is_refused(
 
 
 def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileFormatError, match="cannot read the front file .*front.csv"):
+    with pytest.raises(FileFormatError, match="cannot read the run file .*run.json"):
         export(tmp_path, "csv", tmp_path / "out.csv")

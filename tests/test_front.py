@@ -12,7 +12,8 @@ from ocp_traj import problems
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.errors import InputError, UnknownName
 from ocp_traj.front import Front
-from ocp_traj.problem import Objective, Problem, Variable
+from ocp_traj.objective import Objective
+from ocp_traj.problem import Problem, Variable
 from ocp_traj.requirements import PathConstraint, Requirements
 
 
@@ -169,6 +170,23 @@ def test_hypervolume_of_a_staircase() -> None:
     assert own.own_ideal and own.ideal == {"f1": 1.0, "f2": 1.0} and own.reference == {"f1": 4.0, "f2": 4.0}
     given = front.hypervolume(ideal=(0.0, 0.0))
     assert (given.value, given.volume, given.own_ideal) == (approx(6.0 / 16.0), approx(6.0), False)
+
+
+def test_an_ideal_is_given_or_the_problems_or_that_of_the_ends_or_at_last_the_fronts_own() -> None:
+    ends = {"info": {"ideal": {"f1": 0.5, "f2": 0.5}}}
+    stored = chooser(ideal_point={"f1": 0.0, "f2": 0.0})
+    measured = [
+        front_of(STAIRS, stored, **ends).hypervolume(ideal=(1.0, 1.0)),
+        front_of(STAIRS, stored, **ends).hypervolume(),
+        front_of(STAIRS, **ends).hypervolume(),
+        front_of(STAIRS, chooser(ideal_point={"f1": 0.0})).hypervolume(),  # it says nothing of f2
+    ]
+    assert [m.ideal_from for m in measured] == ["given", "problem", "ends", "front"]
+    assert [m.value for m in measured] == approx([6.0 / 9.0, 6.0 / 16.0, 6.0 / 3.5**2, 6.0 / 9.0])
+    assert [m.own_ideal for m in measured] == [False, False, False, True]
+    assert measured[1].to_dict()["ideal_from"] == "problem" and not measured[1].to_dict()["own_ideal"]
+    assert front_of([(2.0, 2.0)], stored).hypervolume().value == approx(4.0 / 16.0)  # one point is no full box
+    assert front_of([(5.0, 5.0)], stored).hypervolume((-1.0, -1.0)).value == 0.0
 
 
 def test_hypervolume_of_a_box_in_three_objectives() -> None:

@@ -14,8 +14,8 @@ from ocp_traj import screen
 from ocp_traj.cli import run
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.front import Front
-from ocp_traj.nlp import Solution
 from ocp_traj.problem import Problem
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.attainment import LEAST, refine, weights, well_spaced
 from ocp_traj.solvers.elitism import ControlledElitism, places_of_ranks
 from ocp_traj.solvers.evolution import Vectorised

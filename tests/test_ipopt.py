@@ -12,9 +12,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from ocp_traj.errors import InputError, NoSolutionFound
-from ocp_traj.nlp import NLP, Solution, Status
+from ocp_traj.nlp import NLP, Status
 from ocp_traj.problem import Problem
 from ocp_traj.scalarise import WeightedSum
+from ocp_traj.solution import Solution
 from ocp_traj.solvers import ipopt
 from ocp_traj.solvers.ipopt import Ipopt, matched_multipliers
 from ocp_traj.transcription import few_instants, transcribe
@@ -237,19 +238,21 @@ def test_limits_in_conflict_are_named_with_the_amount_and_no_other(scale: float)
         scale=scale,
     )
     solution = Ipopt().solve(nlp, np.zeros(2))
-    assert solution.status is Status.INFEASIBLE
+    assert solution.status is Status.LOCALLY_INFEASIBLE
     assert {conflict.row.limit for conflict in solution.conflicts} == {"A", "B"}
     assert sum(conflict.excess for conflict in solution.conflicts) == pytest.approx(1.0 * scale, abs=1e-5 * scale)
     bounds = {conflict.row.limit: conflict.bound for conflict in solution.conflicts}
     assert bounds == {"A": 2.0 * scale, "B": 1.0 * scale}
-    with pytest.raises(NoSolutionFound, match=r"small: no trajectory meets these limits together: [AB]: .*; [AB]: "):
+    with pytest.raises(
+        NoSolutionFound, match=r"small: the one start found no trajectory; the nearest misses [AB]: .*; [AB]: "
+    ):
         solution.require()
 
 
 def test_a_bound_on_a_variable_that_stands_in_the_way_is_named() -> None:
     nlp = small_nlp(1, lambda x: x[0], (("A", lambda x: x[0], 2.0, np.inf),), -5.0, 1.0)
     solution = Ipopt().solve(nlp, np.zeros(1))
-    assert solution.status is Status.INFEASIBLE
+    assert solution.status is Status.LOCALLY_INFEASIBLE
     limit, variable = solution.conflicts
     assert (limit.row.limit, limit.bound) == ("A", 2.0)
     assert (limit.value, limit.excess) == pytest.approx((1.0, 1.0), abs=1e-6)
@@ -270,7 +273,7 @@ def test_a_chain_of_limits_names_every_link() -> None:
         ),
     )
     solution = Ipopt().solve(nlp, np.zeros(3))
-    assert solution.status is Status.INFEASIBLE
+    assert solution.status is Status.LOCALLY_INFEASIBLE
     assert {c.row.limit for c in solution.conflicts} == {"one", "two", "three"}
     assert sum(c.excess for c in solution.conflicts) == pytest.approx(0.5, abs=1e-5)
 

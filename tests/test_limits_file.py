@@ -12,12 +12,13 @@ from scipy.interpolate import CubicSpline
 
 from ocp_traj import problems
 from ocp_traj.audit import audit
+from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.cli import run
 from ocp_traj.errors import FileFormatError, InputError
-from ocp_traj.limits_file import check_joints, read_requirements
+from ocp_traj.limits_file import read_requirements
 from ocp_traj.problem import Problem
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
-from ocp_traj.verdicts import CHECKED, VIOLATED, AuditRow
+from ocp_traj.trajectory import Trajectory, trajectory_of
+from ocp_traj.verdicts import CHECKED, UNDECIDED, VIOLATED, AuditRow
 
 ROOT = Path(__file__).resolve().parent.parent
 FOREIGN = ROOT / "examples" / "foreign"
@@ -44,19 +45,18 @@ def foreign() -> Trajectory:
 
 def test_the_foreign_example_is_proved(foreign: Trajectory) -> None:
     requirements = read_requirements(FOREIGN / "limits.toml")
-    check_joints(foreign, requirements)
     checked = audit(foreign, requirements)
     assert checked.proved
-    paths = ["position-limit", "velocity-limit", "acceleration-limit", "jerk-limit", "force", "tool-box"]
+    paths = ["position-limit", "velocity-limit", "acceleration-limit", "jerk-limit", "effort-limit", "tool-box"]
     points = ["rest", "continuity of q", "continuity of v", "continuity of a"]
     assert [row.limit for row in checked.rows] == [limit for limit in (*paths, *points) for _ in range(3)]
-    assert {row.label for row in checked.rows if row.limit == "force"} == {"tau_A1", "tau_A2", "tau_A3"}
+    assert {row.label for row in checked.rows if row.limit == "effort-limit"} == {"tau_A1", "tau_A2", "tau_A3"}
 
 
 def test_the_tight_limits_are_violated_where_they_say(foreign: Trajectory) -> None:
     checked = audit(foreign, read_requirements(FOREIGN / "limits_tight.toml"))
     assert checked.verdict == VIOLATED
-    assert {(row.limit, row.label) for row in checked.failures} == {("force", "tau_A2"), ("tool-box", "z")}
+    assert {(row.limit, row.label) for row in checked.failures} == {("effort-limit", "tau_A2"), ("tool-box", "z")}
 
 
 # --- against other ways to the same numbers ---
@@ -78,7 +78,7 @@ def test_effort_and_tool_equal_pinocchio_on_dense_samples(foreign: Trajectory) -
         return np.array(rows)
 
     checked = audit(foreign, read_requirements(FOREIGN / "limits.toml"), tightness=1e-7)
-    rows = [row for row in checked.rows if row.limit in ("force", "tool-box")]
+    rows = [row for row in checked.rows if row.limit in ("effort-limit", "tool-box")]
     dense = values(np.linspace(0.0, foreign.duration, 8001))
     missed = np.abs(np.diff(dense, 2, axis=0)).max(axis=0)  # a peak between samples is higher by an eighth of this
     scale = np.array([60.0, 60.0, 25.0, 1.0, 0.8, 0.5])  # half the ranges of the limits
@@ -107,22 +107,21 @@ def hybrid_toml() -> str:
 
 @pytest.fixture(scope="module")
 def table_7(hybrid: Problem) -> Trajectory:
-    return trajectory(hybrid, problems.module("hybrid-spline").TABLE_7)
+    return trajectory_of(hybrid, problems.module("hybrid-spline").TABLE_7)
 
 
 def unlabelled(rows: tuple[AuditRow, ...], leave_out: tuple[str, ...] = ()) -> list[AuditRow]:
     kept = [row for row in rows if row.limit not in leave_out]
-    return [replace(row, label="") if row.limit == "force" else row for row in kept]
+    return [replace(row, label="") if row.limit == "effort-limit" else row for row in kept]
 
 
 def test_the_hybrid_splines_limits_give_the_audit_of_its_problem(
     hybrid: Problem, table_7: Trajectory, tmp_path: Path
 ) -> None:
     requirements = read_requirements(write(tmp_path, hybrid_toml()))
-    check_joints(table_7, requirements)
     ours, theirs = audit(table_7, requirements), audit(table_7, hybrid.requirements)
-    assert unlabelled(ours.rows) == unlabelled(theirs.rows, leave_out=("yaw", "via"))
-    force = [row.label for row in ours.rows if row.limit == "force"]
+    assert unlabelled(ours.rows, ("parameter",)) == unlabelled(theirs.rows, ("yaw", "via"))
+    force = [row.label for row in ours.rows if row.limit == "effort-limit"]
     assert force == ["F_X_S1", "F_X_S2", "F_X_S3", "tau_phi_4", "tau_phi_5"]
 
 
@@ -137,10 +136,15 @@ def test_a_payload_of_fixed_mass_is_the_parameter_of_that_value(table_7: Traject
     free = read_requirements(write(tmp_path, hybrid_toml()))
     fixed = read_requirements(write(tmp_path, hybrid_toml().replace("parameter = true", "mass = 10")))
     assert (free.parameters, fixed.parameters) == (("payload",), ())
-    pairs = zip(audit(table_7, free).rows, audit(table_7, fixed).rows, strict=True)
+    rows = audit(table_7, free).rows
+    (payload,) = (row for row in rows if row.limit == "parameter")
+    assert (payload.bound, payload.attained, payload.unit, payload.verdict) == (0.0, 10.0, "kg", CHECKED)
+    pairs = zip((row for row in rows if row is not payload), audit(table_7, fixed).rows, strict=True)
     assert all(a.attained == approx(b.attained, rel=1e-9, abs=1e-9) and a.verdict == b.verdict for a, b in pairs)
     with pytest.raises(InputError, match=r"need the parameters \['payload'\]"):
         audit(replace(table_7, parameters={}), free)
+    lifted = audit(replace(table_7, parameters={"payload": -5.0}), free)
+    assert [(row.limit, row.label) for row in lifted.failures] == [("parameter", "payload")]
 
 
 def test_samples_splines_and_control_points_of_one_motion_give_one_audit(tmp_path: Path) -> None:
@@ -184,10 +188,10 @@ def test_nothing_is_checked_that_is_not_asked_for(tmp_path: Path) -> None:
 def test_the_urdfs_limits_fill_in_only_where_asked(tmp_path: Path) -> None:
     requirements = read_requirements(write(tmp_path, HEAD + VELOCITY + URDF + "limits = true\n"))
     limits = {limit.id: limit for limit in requirements.path_constraints}
-    assert list(limits) == ["position-limit", "velocity-limit", "force"]
+    assert list(limits) == ["position-limit", "velocity-limit", "effort-limit"]
     assert limits["position-limit"].upper.tolist() == [2.9, 1.6, 2.2]
     assert limits["velocity-limit"].upper.tolist() == [2.0, 1.5, 2.0]  # the file's, not the URDF's 2.5, 2, 3
-    assert limits["force"].lower.tolist() == [-60.0, -60.0, -25.0]
+    assert limits["effort-limit"].lower.tolist() == [-60.0, -60.0, -25.0]
 
 
 def test_limits_of_a_urdf_that_are_unsound_matter_only_where_asked_for(tmp_path: Path) -> None:
@@ -252,13 +256,13 @@ def test_a_jump_is_found(tmp_path: Path) -> None:
 
 def test_joints_must_be_those_of_the_limits_in_order(foreign: Trajectory, tmp_path: Path) -> None:
     requirements = read_requirements(write(tmp_path, HEAD + VELOCITY))
-    check_joints(foreign, requirements)
+    assert audit(foreign, requirements).proved
     swapped = replace(foreign, joints=("A2", "A1", "A3"))
     message = (
         r"joints are \['A2', 'A1', 'A3'\], those of the limits \['A1', 'A2', 'A3'\]; give the same, in the same order"
     )
     with pytest.raises(InputError, match=message):
-        check_joints(swapped, requirements)
+        audit(swapped, requirements)
 
 
 UNITS = 'units = ["rad", "rad", "rad"]'
@@ -287,12 +291,14 @@ BAD_FILES = [
     (HEAD + "[velocity]", r"\[velocity\] is empty; give lower, upper, limit, or leave it out"),
     (HEAD + "[velocity]\nmax = [1, 1, 1]", r"\[velocity\] max is not allowed here; allowed are lower, upper, limit"),
     (HEAD + "[velocity]\nlimit_deg = [1, 1, 1]", r"\[velocity\] limit_deg is not allowed here; .*no degrees"),
-    (HEAD + "[velocity]\nlimit = 2.0", r"\[velocity\] limit is 2.0; give 3 numbers, one for each of \['A1'"),
+    (HEAD + "[velocity]\nlimit = 2.0", r"\[velocity\] limit is 2.0; give 3 numbers.*, one for each of \['A1'"),
     (HEAD + "[velocity]\nlimit = [1, 1]", r"\[velocity\] limit is \[1, 1\]; give 3 numbers"),
     (HEAD + '[velocity]\nlimit = [1, 1, "90 deg"]', r"limit is \[1, 1, '90 deg'\]; give 3 numbers.*no degrees"),
     (HEAD + "[velocity]\nlimit = [1, 1, true]", r"limit is \[1, 1, True\]; give 3 numbers"),
     (HEAD + "[velocity]\nlimit = [1, 1, nan]", r"limit is \[1, 1, nan\]; give 3 numbers"),
-    (HEAD + f"[velocity]\nlimit = [1, 1, 1{'0' * 400}]", r"limit is \[1, 1, 10* .. 0*\] \(409 .*\); give 3 numbers"),
+    (HEAD + f"[velocity]\nlimit = [1, 1, 1{'0' * 400}]", r"limit is \[1, 1, 10* \.\. 0*\] \(409 characters\); give"),
+    (HEAD + "[velocity]\nlimit = [1, 1, 1e300]", r"limit is \[1, 1, 1e\+300\]; give 3 numbers below 1e\+300"),
+    (HEAD + "[velocity]\nlimit = [1, 1, 1e400]", r"limit is \[1, 1, nan\]; give 3 numbers below 1e\+300"),
     (HEAD + "[velocity]\nlimit = [1, 0, 1]", r"\[velocity\] A2 has lower -?0 and upper 0; give .* a limit > 0"),
     (HEAD + "[velocity]\nlimit = [1, -2, 1]", r"\[velocity\] A2 has lower 2 and upper -2; give lower < upper"),
     (HEAD + "[velocity]\nlower = [-1, -1, -1]", r"\[velocity\] upper is missing; give 3 numbers"),
@@ -302,7 +308,7 @@ BAD_FILES = [
     (HEAD + EFFORT, r"\[effort\] needs the robot; give \[robot\] with urdf or problem"),
     (HEAD + "[tool]\nlower = [0, 0, 0]", r"\[tool\] needs the robot; give \[robot\] with urdf or problem"),
     (HEAD + URDF + "[tool]\nlimit = [1, 1, 1]", r"\[tool\] limit is not allowed here; allowed are lower, upper"),
-    (HEAD + URDF + "[tool]\nlower = [0, 0]", r"\[tool\] lower is \[0, 0\]; give 3 numbers, x, y, z \[m\] in the world"),
+    (HEAD + URDF + "[tool]\nlower = [0, 0]", r"lower is \[0, 0\]; give 3 numbers.*, x, y, z \[m\] in the world"),
     (HEAD + URDF + "[tool]\nlower = [0, 0, 2]\nupper = [1, 1, 1]", r"\[tool\] z has lower 2 and upper 1; give"),
     (HEAD + VELOCITY + "[payload]\nmass = 2", r"\[payload\] changes nothing .*; give \[effort\] too"),
     (HEAD + EFFORT + URDF + "[payload]\nmass = -1", r"\[payload\] mass is -1; give a mass \[kg\], 0 or more"),
@@ -320,7 +326,7 @@ BAD_FILES = [
     (HEAD + '[robot]\nurdf = "limits.toml"', r"\[robot\] urdf: '.*limits.toml' is not a URDF: it is not XML"),
     (HEAD + URDF + 'tool_frame = "hand"', r"\[robot\] urdf: 'hand' does not move in .*; frames are \[.*'flange'"),
     (HEAD + URDF + "tool_frame = 3", r"\[robot\] tool_frame is 3; give the name of a link or frame"),
-    (HEAD + URDF + "gravity = 9.81", r"\[robot\] gravity is 9.81; give 3 numbers, x, y, z \[m/s2\] in the world"),
+    (HEAD + URDF + "gravity = 9.81", r"\[robot\] gravity is 9.81; give 3 numbers.*, x, y, z \[m/s2\] in the world"),
     (HEAD + URDF + "gravity = [0, 0, inf]", r"\[robot\] urdf: gravity is .*, expected three finite numbers"),
     (HEAD + URDF + 'limits = "yes"', r"\[robot\] limits is 'yes'; give true or false"),
     (HEAD + URDF + 'problem = "hybrid-spline"', r"\[robot\] urdf is not allowed here; allowed are problem, limits"),
@@ -361,8 +367,22 @@ def test_the_examples_of_the_documentation_are_read(tmp_path: Path) -> None:
     (tmp_path / "robot.urdf").write_text((FOREIGN / "arm.urdf").read_text())
     requirements = read_requirements(write(tmp_path, limits))
     for motion in motions:
-        check_joints(motion, requirements)
         assert audit(motion, requirements).proved, audit(motion, requirements).explain()
+
+
+def test_masses_beyond_what_the_dynamics_round_are_refused(tmp_path: Path) -> None:
+    text = (FOREIGN / "arm.urdf").read_text()
+    (tmp_path / "arm.urdf").write_text(re.sub(r'<mass value="[^"]*"', '<mass value="1e12"', text, count=1))
+    (tmp_path / "limits.toml").write_text((FOREIGN / "limits.toml").read_text())
+    with pytest.raises(FileFormatError, match=r"\[effort\] cannot be proved for masses of 1e\+12 kg in all: rounding"):
+        read_requirements(tmp_path / "limits.toml")
+
+
+def test_limits_that_ask_nothing_of_a_trajectory_prove_nothing(foreign: Trajectory, tmp_path: Path) -> None:
+    path = write(tmp_path, HEAD + "continuity = 3")
+    one = replace(foreign, curve=PiecewiseBezier(foreign.curve.durations[:1], foreign.curve.control_points[:1]))
+    assert audit(one, read_requirements(path)).verdict == UNDECIDED
+    assert run(["audit", str(one.save(tmp_path / "one.json")), "--limits", str(path)]) == 2
 
 
 def test_an_effort_of_a_robot_without_inertias_is_refused(tmp_path: Path) -> None:

@@ -8,9 +8,12 @@ import pytest
 from numpy.testing import assert_array_equal
 from numpy.typing import NDArray
 
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.api import solve
+from ocp_traj.nlp import Status
 from ocp_traj.problem import Problem
+from ocp_traj.requirements import PathConstraint
 from ocp_traj.scalarise import EpsilonConstraint, Scalarisation, WeightedSum
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.verdicts import PROVED, UNDECIDED, Audit, AuditRow
@@ -27,6 +30,10 @@ def audit_of(verdict: str) -> Audit:
 
 def solution(f: float, status: Status = Status.SOLVED, verdict: str | None = PROVED) -> Solution:
     return Solution("p", np.array([f]), f, status, 0.0, 1, 0.0, audit=None if verdict is None else audit_of(verdict))
+
+
+def missing(f: float, violation: float) -> Solution:
+    return replace(solution(f, Status.LOCALLY_INFEASIBLE, None), violation=violation)
 
 
 # --- starting points ---
@@ -114,8 +121,23 @@ def test_progress_is_told_after_every_start() -> None:
 
 def test_where_every_start_is_infeasible_the_answer_says_why() -> None:
     found = Multistart(starts=2).solve(quintic_problem(), EpsilonConstraint("effort", {"time": 1.0}))
-    assert found.status is Status.INFEASIBLE
-    assert found.conflicts
+    assert found.status is Status.LOCALLY_INFEASIBLE
+    assert found.conflicts and found.starts == 2
+    assert "quintic: none of 2 starts found a trajectory; the nearest misses time" in found.explain()
+
+
+def test_starts_of_all_alternatives_are_counted_and_certainty_is_not_claimed_for_one() -> None:
+    """At most 10 s where 18.75 s are needed; the second alternative begins beyond its limit, whatever is done."""
+    slow = quintic_problem(Quintic(velocity=0.1))
+    at_start = PathConstraint("start-limit", lambda s: s.q + 1.0 - s.u, -np.inf, 0.5, ("rad",), ("j",))
+    requirements = replace(slow.requirements, path_constraints=(at_start,))
+    impossible = replace(slow, requirements=requirements)
+    found = solve(replace(slow, alternatives={"one": slow, "two": slow, "three": impossible}), starts=2)
+    assert found.alternatives["three"].status is Status.INFEASIBLE
+    assert found.status is Status.LOCALLY_INFEASIBLE
+    assert "none of 4 starts found a trajectory; the nearest misses" in found.explain()
+    certain = solve(replace(slow, alternatives={"three": impossible}))
+    assert "no trajectory meets these limits together: start-limit j" in certain.explain()
 
 
 class _Interrupting(Exchange):
@@ -154,11 +176,14 @@ def test_ctrl_c_before_the_first_solution_ends_it() -> None:
         (solution(3.0), solution(2.0, verdict=None)),
         (solution(3.0, Status.FEASIBLE), solution(2.0, verdict=UNDECIDED)),
         (solution(3.0, verdict=UNDECIDED), solution(2.0, Status.FAILED, None)),
-        (solution(3.0, Status.INFEASIBLE, None), solution(2.0, Status.FAILED, None)),
-        (solution(3.0, Status.INFEASIBLE, None), solution(-np.inf, Status.UNBOUNDED, None)),
+        (solution(3.0, Status.UNPROVED, UNDECIDED), solution(2.0, Status.LOCALLY_INFEASIBLE, None)),
+        (solution(3.0, Status.LOCALLY_INFEASIBLE, None), solution(2.0, Status.FAILED, None)),
+        (missing(3.0, 0.1), missing(2.0, 0.2)),
+        (solution(3.0, Status.FAILED, None), solution(2.0, Status.INFEASIBLE, None)),
+        (solution(3.0, Status.LOCALLY_INFEASIBLE, None), solution(-np.inf, Status.UNBOUNDED, None)),
     ],
 )
-def test_proved_beats_usable_beats_infeasible_beats_failed_then_the_value_counts(
+def test_proved_beats_usable_beats_the_nearest_miss_beats_failed_then_the_value_counts(
     better: Solution, worse: Solution
 ) -> None:
     assert best_of([better, worse]) is better

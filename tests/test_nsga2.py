@@ -1,6 +1,7 @@
 """NSGA-II: repeatable, one evaluation a generation, proof against NaN, and no better than the truth."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,12 +9,14 @@ from numpy.testing import assert_array_equal
 
 from ocp_traj.errors import InputError, NoSolutionFound, UnknownName
 from ocp_traj.population import Population
-from ocp_traj.problem import Problem
-from ocp_traj.solvers.evolution import WORST, Vectorised
+from ocp_traj.problem import Problem, Variable
+from ocp_traj.solvers.evolution import WORST, Vectorised, _gains
+from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.nsga2 import NSGA2
 from ocp_traj.symbolic import evaluate_objectives
 from tests.closed_form import Quintic, mixed_problem, quintic_problem, stairs_problem
 
+PAIR = ["time", "effort"]
 CHEAPEST = 2.550568  # least cost of hybrid-spline, by IPOPT from 20 starts (test_exchange.py)
 
 
@@ -129,6 +132,32 @@ def test_where_nothing_is_feasible_it_says_so() -> None:
     problem = quintic_problem(Quintic(velocity=1e-3))  # T >= 1875 s, at most 10 s allowed
     with pytest.raises(NoSolutionFound, match="quintic: no individual of nsga2 met every .* in 3 generations of 8"):
         NSGA2(0, population=8, generations=3).pareto(problem, ["time", "effort"])
+
+
+@pytest.mark.parametrize("method", [NSGA2, MOPSO])
+def test_a_population_that_does_not_move_says_so(method: Any) -> None:
+    """One generation has nothing to move from; from one point, and with no room around it, none leads away."""
+    problem = quintic_problem()
+    assert not method(0, population=8, generations=1).pareto(problem, ["time", "effort"]).info["moved"]
+    assert method(0, population=8, generations=6).pareto(problem, ["time", "effort"]).info["moved"]
+    stuck = replace(problem, variables=(Variable("T", np.array([3.0]), np.array([3.0]), "s", ("T",)),))
+    found = method(0, population=8, generations=6).pareto(replace(stuck, guess=lambda rng: np.array([3.0])), PAIR)
+    assert not found.info["moved"] and all(x.tolist() == [3.0] for x in found.xs)
+
+
+@pytest.mark.parametrize(
+    ("values", "on", "gains"),
+    [
+        ([[1.0, 2.0]], [[1.0, 2.0], [2.0, 1.0]], False),
+        ([[1.0, 2.0], [1.5, 1.4]], [[1.0, 2.0], [2.0, 1.0]], True),  # between them
+        ([[0.9, 9.0]], [[1.0, 2.0]], True),  # beyond one end
+        ([[1.0 - 1e-10, 2.0]], [[1.0, 2.0]], False),  # by rounding
+        ([[3.0, 3.0]], np.empty((0, 2)), True),
+        (np.empty((0, 2)), [[1.0, 2.0]], False),
+    ],
+)
+def test_a_front_gains_on_another_by_a_point_none_of_it_is_as_good_as(values: Any, on: Any, gains: bool) -> None:
+    assert _gains(np.array(values), np.array(on)) is gains
 
 
 @pytest.mark.parametrize(("population", "generations"), [(3, 10), (10, 0)])

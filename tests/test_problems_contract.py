@@ -16,8 +16,8 @@ from ocp_traj.problem import Problem
 from ocp_traj.scalarise import GoalAttainment, WeightedSum
 from ocp_traj.symbolic import evaluate_objectives, objective_function, smooth_objectives, variations
 from ocp_traj.tape import Tape
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import Instant, few_instants, trajectory, transcribe
+from ocp_traj.trajectory import Trajectory, trajectory_of
+from ocp_traj.transcription import Instant, few_instants, transcribe
 from ocp_traj.verdicts import VIOLATED
 from tests.closed_form import Direct
 
@@ -69,7 +69,7 @@ def test_guesses_lie_within_the_bounds_and_differ(problem: Problem) -> None:
 
 
 def test_a_guess_depends_on_the_seed_alone(problem: Problem) -> None:
-    again = problems.load(problem.id, **trajectory(problem, guess(problem)).case)
+    again = problems.load(problem.id, **trajectory_of(problem, guess(problem)).case)
     for seed in range(5):
         assert_array_equal(guess(problem, seed), guess(problem, seed))
         assert_array_equal(guess(problem, seed), guess(again, seed))
@@ -196,7 +196,7 @@ def test_structural_point_constraints_hold_for_any_variables(problem: Problem) -
 def test_promised_continuity_holds_for_any_variables(problem: Problem) -> None:
     rng = np.random.default_rng(1)
     for x in (guess(problem), rng.uniform(problem.lower, problem.upper)):
-        curve = trajectory(problem, x).curve
+        curve = trajectory_of(problem, x).curve
         for order in range(problem.requirements.continuity + 1):
             size = np.abs(np.concatenate(curve.hull(order))).max()
             assert np.abs(curve.jump(order)).max(initial=0.0) <= 1e-9 * size
@@ -289,11 +289,11 @@ def _has_the_derivatives_casadi_makes(problem: Problem) -> None:
 
 def test_a_problem_is_rebuilt_from_what_its_trajectory_stores(problem: Problem) -> None:
     x = guess(problem, 3)
-    stored = trajectory(problem, x)
+    stored = trajectory_of(problem, x)
     again = problems.load(stored.problem, **stored.case)
     assert again.case == problem.case
     assert_array_equal(np.concatenate([stored.variables[v.id] for v in again.variables]), x)
-    rebuilt = trajectory(again, x)
+    rebuilt = trajectory_of(again, x)
     assert_array_equal(rebuilt.curve.durations, stored.curve.durations)
     for ours, theirs in zip(rebuilt.curve.control_points, stored.curve.control_points, strict=True):
         assert_array_equal(ours, theirs)
@@ -302,7 +302,7 @@ def test_a_problem_is_rebuilt_from_what_its_trajectory_stores(problem: Problem) 
 
 
 def test_a_trajectory_survives_its_file_bit_by_bit(problem: Problem, tmp_path: Path) -> None:
-    one = trajectory(problem, guess(problem, 4))
+    one = trajectory_of(problem, guess(problem, 4))
     two = Trajectory.load(one.save(tmp_path / "trajectory.json"))
     assert two.to_dict() == one.to_dict()
     assert_array_equal(two.curve.durations, one.curve.durations)
@@ -316,7 +316,7 @@ def test_dilation_keeps_the_path_and_its_parameters(problem: Problem) -> None:
     if problem.dilate is None:
         pytest.skip("this problem does not dilate")
     x = guess(problem, 5)
-    one, two = trajectory(problem, x), trajectory(problem, problem.dilate(x, 1.37))
+    one, two = trajectory_of(problem, x), trajectory_of(problem, problem.dilate(x, 1.37))
     assert_allclose(two.curve.durations, 1.37 * one.curve.durations, rtol=4 * EPS)
     for ours, theirs in zip(two.curve.control_points, one.curve.control_points, strict=True):
         assert_allclose(ours, theirs, rtol=0, atol=1e-12 * np.abs(theirs).max())
@@ -326,7 +326,7 @@ def test_dilation_keeps_the_path_and_its_parameters(problem: Problem) -> None:
 
 def test_the_audit_of_a_guess_encloses_what_direct_evaluation_finds(problem: Problem) -> None:
     x = guess(problem, 6)
-    found = trajectory(problem, x).audit()
+    found = trajectory_of(problem, x).audit()
     rows = {(row.limit, row.label): row for row in found.rows}
     direct, broken = Direct(problem, x), 0
     for limit in problem.requirements.path_constraints:

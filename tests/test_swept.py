@@ -1,6 +1,6 @@
 """Limits that hold for all places along a link as well as at all times: proofs, attacks on them, and an NLP."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi
@@ -11,13 +11,14 @@ from ocp_traj.audit import audit
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.errors import KinkedExpression, ProblemDefinitionError
 from ocp_traj.evaluate import limit_on, swept_on
+from ocp_traj.objective import Objective, gauss
 from ocp_traj.population import Population
-from ocp_traj.problem import Objective, Problem, Variable
+from ocp_traj.problem import Problem, Variable
 from ocp_traj.requirements import SWEEP, PathConstraint, Requirements, State
 from ocp_traj.scalarise import WeightedSum
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import few_instants, trajectory, transcribe
+from ocp_traj.trajectory import Trajectory, trajectory_of
+from ocp_traj.transcription import Instant, few_instants, transcribe
 from ocp_traj.verdicts import PROVED, UNDECIDED, VIOLATED
 
 JOINTS = ("A", "B")
@@ -144,11 +145,6 @@ class Plain:
     """A case without fields."""
 
 
-def gauss(count: int) -> tuple[tuple[float, float], ...]:
-    nodes, weights = np.polynomial.legendre.leggauss(count)
-    return tuple(zip((0.5 + 0.5 * nodes).tolist(), (0.5 * weights).tolist(), strict=True))
-
-
 def arm() -> Problem:
     """Two links of 1 m from one posture to another in a given time, past a disc: least integral of squared speeds."""
     start, goal = np.array([-0.6, 0.9]), np.array([0.9, 0.6])
@@ -173,8 +169,9 @@ def arm() -> Problem:
     )  # fmt: skip
 
 
-def test_an_exchange_ends_with_the_whole_link_proved_clear() -> None:
-    problem = arm()
+@pytest.mark.parametrize("local", [False, True])
+def test_an_exchange_ends_with_the_whole_link_proved_clear(local: bool) -> None:
+    problem = replace(arm(), local_derivatives=local)
     found = Exchange(first=few_instants(problem)).solve(
         problem, WeightedSum({"speed": 1.0}), np.array([0.0, 4.0, 0.2, 4.0])
     )
@@ -185,6 +182,18 @@ def test_an_exchange_ends_with_the_whole_link_proved_clear() -> None:
     assert row.margin < 1e-6 and row.sweep is not None and 0.0 < row.sweep < 1.0  # it is the link that passes closest
 
 
+def test_an_instant_that_moves_along_the_sweep_alone_is_one_that_moves() -> None:
+    problem, x = replace(arm(), local_derivatives=True), np.array([0.0, 4.0, 0.2, 4.0])
+    sliding = Instant("clearance", 0, 0.5, (0,), sweep=0.5, sweep_slope=np.full(4, 0.1), anchor=x)
+    assert sliding.moves and not Instant("clearance", 0, 0.5, (0,)).moves
+    found = transcribe(problem, WeightedSum({"speed": 1.0}), [*few_instants(problem), sliding])
+    plain = transcribe(arm(), WeightedSum({"speed": 1.0}), [*few_instants(problem), sliding])
+    for y in (x, x + 0.3):
+        values = [np.array(casadi.Function("g", [nlp.x], [nlp.g])(y)).ravel() for nlp in (found, plain)]
+        order = [[row.instant for row in nlp.rows].index(0.5) for nlp in (found, plain)]
+        assert values[0] == pytest.approx(values[1], abs=1e-14) and order[0] == order[1]
+
+
 def test_rows_and_population_know_the_sweep() -> None:
     problem = arm()
     instants = few_instants(problem)
@@ -192,6 +201,6 @@ def test_rows_and_population_know_the_sweep() -> None:
     nlp = transcribe(problem, WeightedSum({"speed": 1.0}), instants)
     assert len(set(nlp.rows)) == len(nlp.rows) == len(instants)
     x = np.array([0.0, 4.0, 0.2, 4.0])
-    limit, motion = problem.requirements.path_constraints[0], trajectory(problem, x)
+    limit, motion = problem.requirements.path_constraints[0], trajectory_of(problem, x)
     direct = swept_on(motion, problem.requirements, limit, 0, np.linspace(0.0, 1.0, 5), SWEEP).max()
     assert Population(problem, ["speed"], 5).evaluate(x).violations[0, 0] * limit.scale[0] == pytest.approx(direct)

@@ -11,15 +11,8 @@ from ocp_traj.nlp import NLP
 from ocp_traj.problem import Problem
 from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, WeightedSum
 from ocp_traj.symbolic import SymbolicCurve, evaluate_objectives, quadrature, states_at
-from ocp_traj.transcription import (
-    BACK_OFF,
-    Instant,
-    case_fields,
-    few_instants,
-    trajectory,
-    transcribe,
-    uniform_instants,
-)
+from ocp_traj.trajectory import case_fields, trajectory_of
+from ocp_traj.transcription import BACK_OFF, Instant, few_instants, transcribe, uniform_instants
 from tests.closed_form import (
     Direct,
     Mixed,
@@ -134,7 +127,7 @@ def test_few_instants_are_enough_for_the_degree_and_shared_at_smooth_knots(hybri
     assert count["acceleration-limit"] == 12 + 1
     assert count["velocity-limit"] == 12 * 2 + 1
     assert count["position-limit"] == 12 * 2 + 1
-    assert count["force"] == 12 * 2 + 1
+    assert count["effort-limit"] == 12 * 2 + 1
 
 
 def test_uniform_instants_share_a_knot_only_where_the_limit_is_continuous() -> None:
@@ -224,7 +217,7 @@ def test_quadrature_nodes_are_shared_at_knots_where_the_integrand_is_continuous(
 def test_a_trajectory_is_the_curve_at_x_with_all_that_belongs_to_it() -> None:
     problem = mixed_problem(Mixed(rate=7.0, steps=(3.0,)))
     x = guess(problem)
-    found = trajectory(problem, x)
+    found = trajectory_of(problem, x)
     assert found.curve.degrees == (5, 3, 4)
     assert_array_equal(found.curve.durations, x[:3])
     for ours, reference in zip(found.curve.control_points, Direct(problem, x).segments, strict=True):

@@ -11,46 +11,29 @@ from numpy.testing import assert_allclose
 from ocp_traj import api, problems, screen
 from ocp_traj.audit import audit
 from ocp_traj.errors import InputError
-from ocp_traj.nlp import Solution, Status
+from ocp_traj.nlp import Status
 from ocp_traj.problems import kr90, weld_start
-from ocp_traj.problems.weld_bezier import Ogbemhe2019, seam, start
+from ocp_traj.problems.weld_bezier import Ogbemhe2019, start
 from ocp_traj.problems.weld_start import least_time
-from ocp_traj.robot import Robot
-from ocp_traj.seam import Placement, Seam, TubeSeam
+from ocp_traj.seam import Placement, TubeSeam
+from ocp_traj.solution import Solution
 from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.transcription import trajectory
-
-
-def tip(q: np.ndarray, riser: float) -> pin.SE3:
-    """The torch's tip by pinocchio's own kinematics."""
-    machine = kr90.robot(riser=riser)
-    data = machine.model.createData()
-    pin.forwardKinematics(machine.model, data, q)
-    return data.oMi[6] * machine.tool
-
-
-def bare_arm() -> pin.Model:
-    """The arm without its torch."""
-    model = pin.Model()
-    for i, (mass, centre, moments, axes) in enumerate(kr90.LINKS):
-        placement = kr90.robot().model.jointPlacements[i + 1]
-        model.addJoint(i, pin.JointModelRZ(), placement, f"A{i + 1}")
-        turn = pin.rpy.rpyToMatrix(*axes)
-        inertia = pin.Inertia(mass, np.array(centre), turn @ np.diag(moments) @ turn.T)
-        model.appendBodyToJoint(i + 1, inertia, pin.SE3.Identity())
-    return model
-
+from ocp_traj.trajectory import Trajectory, trajectory_of
+from tests.independent.case import complete
+from tests.independent.check import broken, excesses
+from tests.independent.motion import Motion
+from tests.independent.robots import WeldRobot
+from tests.independent.weld import DEFAULTS
+from tests.independent.weld import seam as independent_seam
 
 # --- robot ---
 
 
 def test_home_puts_the_flange_where_the_dimensions_say() -> None:
     """(0, -90, 90, 0, 0, 0) deg: 350 + 1400 + 215 mm out, 675 + 1350 - 41 mm up."""
-    machine = kr90.robot()
-    data = machine.model.createData()
-    pin.forwardKinematics(machine.model, data, np.radians([0.0, -90.0, 90.0, 0.0, 0.0, 0.0]))
-    flange = data.oMi[6] * pin.SE3(pin.rpy.rpyToMatrix(*kr90.FLANGE[0]), np.array(kr90.FLANGE[1]))
+    machine = WeldRobot(bare=True)
+    machine.tip(np.radians([0.0, -90.0, 90.0, 0.0, 0.0, 0.0]))
+    flange = machine.data.oMi[6] * machine.flange
     assert_allclose(flange.translation, [1.965, 0.0, 1.984], atol=1e-12)
     assert_allclose(flange.rotation[:, 2], [1.0, 0.0, 0.0], atol=1e-12)
 
@@ -58,17 +41,14 @@ def test_home_puts_the_flange_where_the_dimensions_say() -> None:
 def test_the_wrist_lies_where_the_tip_says_and_never_beyond_its_reach() -> None:
     rng = np.random.default_rng(0)
     low, high = np.radians(kr90.POSITION)
-    machine = kr90.robot(riser=0.6)
-    data, longest = machine.model.createData(), 0.0
+    machine, longest = WeldRobot(riser=0.6), 0.0
     straight = np.zeros((2001, 6))
     straight[:, 1], straight[:, 2] = np.radians(-90.0), np.radians(np.linspace(-5.0, 5.0, 2001))
     for q in [*rng.uniform(low, high, (200, 6)), *straight]:
-        pin.forwardKinematics(machine.model, data, q)
-        pose = data.oMi[6] * machine.tool
+        pose = machine.tip(q)
         wrist = pose.translation + pose.rotation @ kr90.wrist_from_tip()
         other = q + np.array([0.0, 0.0, 0.0, 0.3, -0.7, 1.1])  # the wrist's joints do not move its centre
-        pin.forwardKinematics(machine.model, data, other)
-        moved = data.oMi[6] * machine.tool
+        moved = machine.tip(other)
         assert_allclose(moved.translation + moved.rotation @ kr90.wrist_from_tip(), wrist, atol=1e-12)
         out = np.array([np.cos(q[0]), -np.sin(q[0])]) @ wrist[:2] - kr90.SHOULDER[0]
         longest = max(longest, float(np.hypot(out, wrist[2] - 0.6 - kr90.SHOULDER[1])))
@@ -78,12 +58,15 @@ def test_the_wrist_lies_where_the_tip_says_and_never_beyond_its_reach() -> None:
 
 def test_gravity_torques_of_the_bare_arm_stay_below_what_its_data_give() -> None:
     """Largest static torques without load: 6290 N m on A2, arm straight out, and 1367 on A3."""
-    model = bare_arm()
-    data = model.createData()
+    machine = WeldRobot(bare=True)
     low, high = np.radians(kr90.POSITION)
     rng = np.random.default_rng(1)
     found = np.max(
-        [np.abs(pin.computeGeneralizedGravity(model, data, q)) for q in rng.uniform(low, high, (4000, 6))], 0
+        [
+            np.abs(pin.computeGeneralizedGravity(machine.model, machine.data, q))
+            for q in rng.uniform(low, high, (4000, 6))
+        ],
+        0,
     )
     assert 6100.0 < found[1] <= 6290.0
     assert 1340.0 < found[2] <= 1367.5
@@ -100,7 +83,7 @@ def test_the_fit_puts_the_torch_on_the_seam() -> None:
     assert path.length == pytest.approx(0.3372, abs=5e-5)
     tags = path.at(np.linspace(0.0, path.length, 9))
     for state, place, axis in zip(begun.fit.states, tags.position, tags.axis, strict=True):
-        pose = tip(state[0], 0.6)
+        pose = WeldRobot(riser=0.6).tip(state[0])
         assert np.linalg.norm(pose.translation - place) < 1e-4
         assert np.degrees(np.arccos(min(1.0, float(pose.rotation[:, 2] @ axis)))) < 1.0
 
@@ -121,7 +104,7 @@ def test_the_limits_up_to_snap_rule_a_move_from_rest_to_rest() -> None:
         ({"origin": (4.0, 0.0, 1.0)}, r"tag \d of 9 is out of reach"),
         ({"case": "weld"}, "allowed are seam, air-move"),
         ({"rest_at_tags": True}, "for case air-move"),
-        ({"tags": 1}, "give 2 to 40"),
+        ({"tags": 1}, "give a whole number from 2 to 40"),
         ({"psi": 0.0}, "psi is 0 deg"),
         ({"weld_speed": 0.0}, "weld_speed is 0.0"),
         ({"home": (0.0, -90.0, 100.0, 0.0, -60.0, 360.0)}, "home has A6 at 360.0 deg"),
@@ -148,7 +131,7 @@ def test_hundreds_of_variables_stay_off_the_screen_but_not_out_of_the_json() -> 
     many = problems.load("weld-bezier")
     for one, left in ((problem, 0), (many, 270)):
         x = one.guess(np.random.default_rng(0))
-        found = Solution(one.id, x, 0.0, Status.SOLVED, 0.0, 1, 0.0, trajectory=trajectory(one, x))
+        found = Solution(one.id, x, 0.0, Status.SOLVED, 0.0, 1, 0.0, trajectory=trajectory_of(one, x))
         found = replace(found, audit=audit(found.trajectory, one.requirements), objectives=evaluate_objectives(one, x))
         sheet = screen.solution_sheet(one, found)
         (table,) = [t for t in sheet.tables if t[0].startswith("Variables")]
@@ -160,13 +143,9 @@ def test_hundreds_of_variables_stay_off_the_screen_but_not_out_of_the_json() -> 
 # --- solutions ---
 
 
-def broken(motion: Trajectory) -> float:
-    """Largest share of Table 3 that a trajectory uses, by a scan of scipy's polynomials."""
-    worst, curve = 0.0, motion.curve.to_bpoly()
-    t = np.linspace(0.0, float(motion.curve.duration), 20001)
-    for order, table in enumerate((kr90.VELOCITY, kr90.ACCELERATION, kr90.JERK, kr90.SNAP), 1):
-        worst = max(worst, float((np.abs(curve.derivative(order)(t)) / np.radians(table)).max()))
-    return worst
+def kept(motion: Trajectory | None) -> bool:
+    """Whether every limit is kept, recomputed."""
+    return motion is not None and not broken(excesses(motion.to_dict()))
 
 
 @pytest.mark.slow
@@ -176,22 +155,19 @@ def test_the_quickest_air_move(rest: bool, seconds: float) -> None:
     solution = api.solve(problem, objective="air_time").require()
     assert solution.audit is not None and solution.audit.proved
     assert solution.objectives["air_time"] == pytest.approx(seconds, rel=0.01)
-    assert solution.trajectory is not None and broken(solution.trajectory) <= 1.0 + 1e-9
+    assert kept(solution.trajectory)
 
 
-def tip_errors(machine: Robot, motion: Trajectory, path: Seam, speed: float) -> tuple[np.ndarray, np.ndarray]:
-    """Distances [m] and tilts [deg] of the torch at 400 instants of the weld, by pinocchio and the seam itself."""
-    approach, weld = motion.curve.durations[0], path.length / speed
-    t = np.linspace(0.0, weld, 400)
-    here = path.at(np.minimum(speed * t, path.length))
-    off, tilt = [], []
-    data = machine.model.createData()
-    for q, place, axis in zip(motion.curve(approach + t), here.position, here.axis, strict=True):
-        pin.forwardKinematics(machine.model, data, q)
-        pose = data.oMi[6] * machine.tool
-        off.append(np.linalg.norm(pose.translation - place))
-        tilt.append(np.degrees(np.arccos(min(1.0, float(pose.rotation[:, 2] @ axis)))))
-    return np.array(off), np.array(tilt)
+def root_mean_square(motion: Trajectory) -> float:
+    """Distance of the torch's tip from the seam itself at 50 instants a piece, root mean square [m]."""
+    data = motion.to_dict()
+    case, curve = complete(data, DEFAULTS), Motion.read(data)
+    machine, path, u = WeldRobot(case["payload"], case["riser"]), independent_seam(case), np.linspace(0.0, 1.0, 51)
+    off = []
+    for k in range(1, case["tags"]):
+        wanted, _ = path.at(path.length * (k - 1 + u) / (case["tags"] - 1))
+        off.append(((machine.tips(curve.at(k, u))[0] - wanted) ** 2).sum(axis=1))
+    return float(np.sqrt(np.mean(off)))
 
 
 SEAMS: list[tuple[dict[str, Any], str, float, float]] = [
@@ -209,15 +185,14 @@ def test_a_seam_is_welded_within_every_limit(
     problem = problems.load("weld-bezier", **changes)
     solution = api.solve(problem, objective=objective).require()
     motion = solution.trajectory
-    assert motion is not None and broken(motion) <= 1.0 + 1e-9
-    off, tilt = tip_errors(problem.robot, motion, seam(problem.case), problem.case.weld_speed)
-    assert 1e3 * np.sqrt(np.mean(off**2)) <= rms
-    assert off.max() <= 0.5e-3 and tilt.max() <= 5.0
+    assert motion is not None and kept(motion)
+    off = root_mean_square(motion)
+    assert 1e3 * off <= rms
     assert solution.audit is not None and solution.audit.proved
     assert solution.objectives["air_time"] <= seconds
     assert problem.figures is not None
     figures = {name: value for name, value, _ in problem.figures(motion)}
-    assert figures["tip off the seam, rms"] == pytest.approx(1e3 * np.sqrt(np.mean(off**2)), rel=0.05)
+    assert figures["tip off the seam, rms"] == pytest.approx(1e3 * off, rel=0.05)
 
 
 @pytest.mark.slow
@@ -225,4 +200,4 @@ def test_a_front_of_the_seam_is_proved() -> None:
     front = api.pareto(problems.load("weld-bezier"), ["air_time", "movement"], points=3)
     assert len(front) == 3
     for i in range(len(front)):
-        assert front.audit(i).proved and broken(front.trajectory(i)) <= 1.0 + 1e-9
+        assert front.audit(i).proved and kept(front.trajectory(i))

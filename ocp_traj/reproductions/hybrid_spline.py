@@ -13,6 +13,7 @@ from ocp_traj.fixed_states import fixed_values
 from ocp_traj.problem import Problem
 from ocp_traj.problems import hybrid_spline as paper
 from ocp_traj.progress import Progress
+from ocp_traj.reproductions import hybrid_spline_tables as tables
 from ocp_traj.reproductions.hybrid_spline_errata import MISPRINTS, equation_errata
 from ocp_traj.reproductions.hybrid_spline_tables import (
     FMINCON,
@@ -32,7 +33,7 @@ from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.nsga2 import NSGA2
 from ocp_traj.solvers.payload import along, static_bound
 from ocp_traj.symbolic import evaluate_objectives, objective_function
-from ocp_traj.transcription import trajectory
+from ocp_traj.trajectory import trajectory_of
 
 Array = NDArray[np.float64]
 
@@ -87,10 +88,9 @@ def run(seeds: int, progress: Progress) -> Reproduction:
 def reported() -> list[Run]:
     """The paper's own two solutions, Table 9 and sect. 6."""
     problem = problems.load("hybrid-spline")
-    named = {method: named_objectives(problem, values) for method, values in paper.TABLE_9.items()}
     return [
-        Run("paper", NSGA_II, "", None, named[NSGA_II], paper.SECONDS[NSGA_II], paper.NSGA_II_EVALUATIONS),
-        Run("paper", FMINCON, "", None, named[FMINCON], paper.SECONDS[FMINCON], None),
+        Run("paper", method, "", None, named_objectives(problem, values), tables.SECONDS[method], None)
+        for method, values in paper.TABLE_9.items()
     ]
 
 
@@ -118,10 +118,10 @@ def optimum(sheet: Sheet, problem: Problem) -> Run:
 
     at, slack = slopes(paper.TABLE_7), rounding_effect(slopes, paper.TABLE_7, PRINTED)
     k = int(np.argmax(np.abs(at)))
-    margin = audit(trajectory(problem, paper.TABLE_7), problem.requirements).margin
+    margin = audit(trajectory_of(problem, paper.TABLE_7), problem.requirements).margin
     note = f"a minimum inside all limits has slope 0; at Table 7 the nearest limit is {margin:.1%} of its size away"
     label, value = f"dFc/dh{k + 1} at Table 7, {convention}", float(at[k])
-    sheet.add("Optimum", label, "0", value, "1/s", tolerance=float(slack[k]), note=note)
+    sheet.expect("Optimum", label, 0.0, value, "1/s", tolerance=float(slack[k]), note=note)
     seconds, iterations = sum(s.seconds for s in solutions), sum(s.iterations for s in solutions)
     named, method = named_objectives(problem, best.objectives), f"IPOPT, {STARTS} starts"
     return Run("ours", method, convention, 0, named, seconds, iterations, best.audit.verdict)
@@ -134,7 +134,7 @@ def genetic(problem: Problem, chosen: tuple[str, ...], words: str, seed: int) ->
         raise KeyboardInterrupt
     values = [evaluate_objectives(problem, x) for x in found.xs]
     least = min(range(len(values)), key=lambda i: values[i]["cost"])
-    verdict = audit(trajectory(problem, found.xs[least]), problem.requirements).verdict
+    verdict = audit(trajectory_of(problem, found.xs[least]), problem.requirements).verdict
     method, named = f"NSGA-II {words}", named_objectives(problem, values[least])
     evaluations = int(found.info["evaluations"])
     return Run("ours", method, problem.case.convention, seed, named, found.seconds, evaluations, verdict)
@@ -153,7 +153,7 @@ def genetic_costs(sheet: Sheet, runs: list[Run], words: str, convention: str) ->
 def payloads(sheet: Sheet, problem: Problem) -> None:
     """The largest payload along Table 7 and for every time law, and what the paper's would need."""
     convention, printed = problem.case.convention, paper.LARGEST_PAYLOAD
-    carried, bound = along(problem, trajectory(problem, paper.TABLE_7)), static_bound(problem)
+    carried, bound = along(problem, trajectory_of(problem, paper.TABLE_7)), static_bound(problem)
     reached = f"{carried.binding} reaches its limit at t = {carried.instant:.2f} s"
     if convention == LITERAL:
         first = np.ceil(bound.payload / STEP) * STEP

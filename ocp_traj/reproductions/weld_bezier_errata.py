@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.comparison import Erratum
 from ocp_traj.curves import nonic
+from ocp_traj.reproductions.weld_bezier_tables import GENERATIONS, POPULATION, TABLE_7
 
 Array = NDArray[np.float64]
 
@@ -78,13 +79,15 @@ def skewness(rotation: Array) -> float:
     return float(np.abs(rotation @ rotation.T - np.eye(3)).max())
 
 
-def equation_errata(signed: tuple[float, float], spread: str) -> tuple[Erratum, ...]:
+def equation_errata(signed: tuple[float, float]) -> tuple[Erratum, ...]:
     """Errors in equations and in what is said of tables, each with what shows it.
 
     Args:
         signed: least sum of the joints' torques along one path [N m], and along it twice as fast.
-        spread: what Table 7 and the text say of spread and distance, in numbers.
     """
+    moga, hmoga = TABLE_7["MOGA"], TABLE_7["HMOGA"]
+    at_most = POPULATION * GENERATIONS
+    rates = [1e3 * line.seconds / line.evaluations for line in (moga, hmoga)]
     state = np.array([[0.3], [-0.2], [0.5], [0.1], [0.7]])
     rotation = [skewness(zyz(AWAY, printed=printed)) for printed in (True, False)]
     missed = [
@@ -125,7 +128,7 @@ def equation_errata(signed: tuple[float, float], spread: str) -> tuple[Erratum, 
             "one-sided limits allow any speed backwards; (1) has them with bars",
         ),
         Erratum(
-            "(1), (19)", "sum of torques", "a sum of their squares, or sizes",
+            "(1), (19)", "torques with their signs, summed in (1)", "their squares, or sizes",
             f"signed torques have no least sum: {signed[0]:.4g} N m at worst along the air move, {signed[1]:.4g} along "
             "the same path twice as fast, lower without end as it gets faster; and those of opposite signs cancel",
         ),
@@ -139,11 +142,22 @@ def equation_errata(signed: tuple[float, float], spread: str) -> tuple[Erratum, 
         ),
         Erratum(
             "Tables 5, 9-11", "maxima below zero for every joint of MOGA but one", "maxima of at least zero",
-            "a move from rest to rest has mean acceleration, jerk and snap zero, so none of them stays below zero",
+            "at rest the velocity is zero, and from rest to rest the means of acceleration, jerk and snap are: none of "
+            "them stays below zero",
         ),
         Erratum(
             "Table 7", "HMOGA improves spread and distance", "MOGA has the better ones",
-            f"{spread}; and both say how evenly points lie, nothing of how good they are",
+            f"its spread is {hmoga.spread:g} against {moga.spread:g}, its distance {hmoga.distance:g} against "
+            f"{moga.distance:g}, where less is more even; and both say how evenly points lie, not how good they are",
+        ),
+        Erratum(
+            "Table 7, iterations and function counts",
+            f"{moga.iterations} and {hmoga.iterations}; {moga.evaluations} and {hmoga.evaluations}",
+            f"at most {GENERATIONS} generations, {at_most} individuals before refinement",
+            f"Table 4 has {GENERATIONS} generations of {POPULATION}: {moga.iterations} iterations are "
+            f"{moga.iterations / GENERATIONS:.0f} times as many as it allows, {moga.evaluations / moga.iterations:.1f} "
+            f"evaluations each; {hmoga.evaluations} evaluations are {hmoga.evaluations / at_most:.1f} times as many, "
+            f"unless goal attainment took the rest; and HMOGA's take {rates[1]:.2g} ms each, MOGA's {rates[0]:.2g}",
         ),
         Erratum(
             "Table 4", "migration both ways, fraction 0.2, every 20 generations", "no migration",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -74,8 +76,27 @@ CELLS: dict[tuple[str, str, str], tuple[tuple[float, ...], tuple[float, ...]]] =
         (1.5e12, 1.8e9, 4.27e7, 2.3e12, 4.71e9, -3.13e6),
     ),
 }
+
+
+@dataclass(frozen=True)
+class Table7:
+    """A line of Table 7."""
+
+    iterations: int
+    trajectory_time: float  # [s]
+    evaluations: int
+    distance: float  # average, [-]
+    spread: float  # average, [-]
+    seconds: float  # of computation
+
+
+TABLE_7 = {
+    "MOGA": Table7(10741, 1.36, 78401, 0.0171, 0.037, 5567.0),
+    "HMOGA": Table7(6000, 1.15, 1448471, 0.670, 0.167, 815.0),
+}
+POPULATION, GENERATIONS = 200, 500  # Table 4
 ANGLES = (1.0, 10.0, 60.0)  # [deg], moved from rest to rest
-TIME = 1.15  # [s], Table 7: of the whole trajectory, with HMOGA
+TIME = TABLE_7["HMOGA"].trajectory_time  # [s]
 ORDERS = ("velocity", "acceleration", "jerk", "snap")
 
 

@@ -61,6 +61,9 @@ def equation_errata(curve: PiecewiseBezier, turned: float) -> tuple[Erratum, ...
         curve: the optimum of the blocked case.
         turned: how far theta3 moves along it [rad].
     """
+    raised = curve.at(1, 1.0)[0]
+    link = np.array([np.cos(raised[0]) * np.sin(raised[1]), np.sin(raised[0]) * np.sin(raised[1]), np.cos(raised[1])])
+    aside = float(np.linalg.norm(np.cross([0.5, 0.5, 0.0], link)))
     via, _ = misses(later_start(curve), printed=True)
     _, goal = misses(curve, printed=True)
     return (
@@ -80,13 +83,20 @@ def equation_errata(curve: PiecewiseBezier, turned: float) -> tuple[Erratum, ...
         ),
         Erratum(
             "(1)-(3), sect. 4", "theta3 among the variables", "theta3 does not move the tip",
-            f"it is free to stay where it is, and does: at the optimum it turns by {turned:.1e} rad, while Fig. 5 has "
-            "it move",
+            f"it is free to stay where it is, and does: at the optimum it turns by {turned:.1e} rad, while the words "
+            "about Figs. 3 and 6 have it move",
         ),
         Erratum(
-            "sect. 5", "obstacle at (0.5, 0.5), goal at (1, 1), base at (0, 0)", "an obstacle off that line",
-            "the three lie on one line in the plane: the link collides at the goal, whatever its motion; a test of the "
-            "tip alone would never see the obstacle",
+            "sect. 5, points", "obstacle at (0.5, 0.5), goal at (1, 1)", "an obstacle off the line from base to goal",
+            "(1)-(3) have the base at (0, 0). In the (x, y) plane, where sect. 2 puts the study, the three are on one "
+            "line: the link collides at the goal, whatever its motion, and a test of the tip alone never sees the "
+            "obstacle. That all have z = 0 is inferred, for heights and d3 are not given: with the goal raised as in "
+            f"the case solved here the obstacle's centre is {aside:.3g} off the link",
+        ),
+        Erratum(
+            "sect. 4", "real codification, and mutation as the inversion of a bit", "a mutation of real numbers",
+            "a gene that is a real number has no bit of its own to invert, and how it would be coded in bits is not "
+            "said; here it is put anywhere within its bounds, our choice",
         ),
         Erratum(
             "sect. 5", "0.2 s, fitness 8.1", "limits on velocity and acceleration, the weights b1 and b2",

@@ -1,0 +1,33 @@
+"""A sample of the mutants of ``make fuzz``."""
+
+import pytest
+
+from ocp_traj.verdicts import Audit
+from tests import fuzz
+
+
+def test_what_is_proved_of_mutated_files_holds_and_nothing_ends_in_a_traceback() -> None:
+    found = fuzz.main(60, 2, heavy=False)
+    assert not found.faults
+    assert found.audited >= 20 and found.outcomes[fuzz.PROVED] >= 8 and found.outcomes[fuzz.REFUSED] >= 8
+
+
+@pytest.mark.slow
+def test_what_is_proved_of_many_mutated_files_of_every_problem_holds() -> None:
+    found = fuzz.main(500, 3)
+    assert not found.faults
+    assert found.audited >= 125 and found.outcomes[fuzz.PROVED] >= 50  # as 500 and 200 of 2000
+
+
+def test_proofs_that_are_false_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An audit that calls everything proved."""
+    monkeypatch.setattr(Audit, "proved", True)
+    found = fuzz.main(12, 0, heavy=False, say=lambda words: None)
+    assert any("FALSE PROOF" in fault for fault in found.faults)
+
+
+def test_a_mutant_follows_from_seed_and_index() -> None:
+    said: list[str] = []
+    for _ in range(2):
+        fuzz.main(0, 4, only=7, heavy=False, say=said.append)
+    assert said[0] == said[1]

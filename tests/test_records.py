@@ -1,0 +1,106 @@
+"""Every method tells of its finished work, in records that a front can be made of again."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ocp_traj.files import plain
+from ocp_traj.problem import Problem
+from ocp_traj.records import Record, of_solve
+from ocp_traj.run_reader import load_run
+from ocp_traj.scalarise import EpsilonConstraint, WeightedSum
+from ocp_traj.solution import Solution
+from ocp_traj.solvers import evolution
+from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.front_tracer import FrontTracer
+from ocp_traj.solvers.hmoga import HMOGA
+from ocp_traj.solvers.mopso import MOPSO
+from ocp_traj.solvers.nsga2 import NSGA2
+from ocp_traj.store import Run, request
+from ocp_traj.transcription import Instant
+from tests.closed_form import Quintic, quintic_problem, stairs_problem
+
+PAIR = ["time", "effort"]
+
+
+@pytest.fixture(scope="module")
+def quintic() -> Problem:
+    return quintic_problem()
+
+
+def xs(record: Record) -> list[list[float]]:
+    return [point["x"] for point in record["points"]]
+
+
+def test_a_solve_is_recorded_so_that_it_need_not_be_done_again(quintic: Problem) -> None:
+    asked = EpsilonConstraint("time", {"effort": 2.0}, 1e-6)
+    solution = Exchange().solve(quintic, asked, np.array([3.0]))
+    record = json.loads(json.dumps(of_solve(asked, solution)))
+    (point,) = record["points"]
+    assert (np.array(point["x"]) == solution.x).all() and point["objectives"] == solution.objectives
+    told = dict(record["scalarisation"])
+    assert told.pop("kind") == "EpsilonConstraint" and EpsilonConstraint(**told) == asked
+    assert (record["status"], point["verdict"], record["f"]) == ("SOLVED", "proved", solution.f)
+    instants = [Instant(**entry) for entry in record["instants"]]
+    assert instants
+    for one, other in zip(instants, solution.instants, strict=True):
+        assert plain(vars(one)) == plain(vars(other))
+
+
+def test_a_failed_solve_is_recorded_and_is_no_point_of_the_front(tmp_path: Path) -> None:
+    slow = quintic_problem(Quintic(velocity=0.1))
+    failed = Exchange().solve(slow, WeightedSum({"time": 1.0}), np.array([3.0]))
+    assert not failed.ok
+    with Run(tmp_path / "run", request(slow, ["time", "effort"], "trace")) as run:
+        run.found(of_solve(WeightedSum({"time": 1.0}), failed))
+        assert len(load_run(tmp_path / "run", slow)) == 0
+
+
+# --- of each method ---
+
+
+@pytest.mark.parametrize("objectives", [["time", "first"], ["time", "first", "second"]])
+def test_trace_tells_of_each_solve_before_the_next_begins(
+    objectives: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    events: list[Any] = []
+    solve = Exchange.solve
+
+    def solving(self: Exchange, *arguments: Any, **options: Any) -> Solution:
+        solution = solve(self, *arguments, **options)
+        events.append(solution.x.tolist())
+        return solution
+
+    monkeypatch.setattr(Exchange, "solve", solving)
+    found = FrontTracer(points=6, starts=1, found=lambda record: events.append(xs(record))).pareto(
+        stairs_problem(), objectives
+    )
+    solved, told = events[::2], events[1::2]
+    assert told == [[x] for x in solved] and len(told) == found.info["solves"]
+    assert all([x.tolist()] in told for x in found.xs)
+
+
+def test_hmoga_tells_of_its_ends_its_population_and_each_refined_point(quintic: Problem) -> None:
+    told: list[Record] = []
+    found = HMOGA(0, points=5, population=20, generations=5, found=told.append).pareto(quintic, PAIR)
+    kinds = [record["kind"] for record in told]
+    ends = found.info["ends"]["solves"]
+    assert kinds == ["solve"] * ends + ["population"] + ["solve"] * found.info["solves"]
+    assert found.info["solves"] >= 3
+
+
+@pytest.mark.parametrize("method", [NSGA2(1, 20, 6), MOPSO(1, 20, 6)], ids=["nsga2", "mopso"])
+def test_a_population_is_told_of_now_and_then_and_at_the_end(
+    quintic: Problem, monkeypatch: pytest.MonkeyPatch, method: Any
+) -> None:
+    for every, least in ((60.0, 1), (0.0, 4)):
+        told: list[Record] = []
+        monkeypatch.setattr(evolution, "EVERY", every)
+        monkeypatch.setattr(evolution, "SHARE", every)
+        found = replace(method, found=told.append).pareto(quintic, PAIR)
+        assert xs(told[-1]) == [x.tolist() for x in found.xs]
+        assert least <= len(told) <= (7 if least > 1 else 1)
