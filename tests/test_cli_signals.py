@@ -19,7 +19,7 @@ import pytest
 
 from ocp_traj import files, screen
 from ocp_traj.cli import run
-from ocp_traj.store import load_run
+from ocp_traj.run_reader import load_run
 from ocp_traj.trajectory import Trajectory
 from tests.test_stopping import ctrl_c_at
 

@@ -14,10 +14,11 @@ import pytest
 
 import ocp_traj as ot
 from ocp_traj.errors import NoSolutionFound
-from ocp_traj.nlp import NLP, Solution
+from ocp_traj.nlp import NLP
 from ocp_traj.problem import Problem
 from ocp_traj.progress import Progress
 from ocp_traj.scalarise import WeightedSum
+from ocp_traj.solution import Solution
 from ocp_traj.solvers.branch_and_bound import BranchAndBound
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.stopping import OutOfTime, stopping
