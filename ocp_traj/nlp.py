@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from ocp_traj.errors import NoSolutionFound, ProblemDefinitionError
 from ocp_traj.local_derivatives import Derivatives
+from ocp_traj.rounding import rounded_down, rounded_up
 
 if TYPE_CHECKING:
     from ocp_traj.optima import Optimum
@@ -197,17 +197,11 @@ class Certificate:
     def explain(self) -> str:
         """One line."""
         word = "certified" if self.certified else "not certified"
-        lower, upper = _rounded(self.lower, 10, ROUND_FLOOR), _rounded(self.upper, 10, ROUND_CEILING)
-        gap = _rounded(self.gap, 2, ROUND_CEILING)
+        lower, upper, gap = rounded_down(self.lower, 10), rounded_up(self.upper, 10), rounded_up(self.gap, 2)
         return (
             f"{word}: no solution is below {lower:.10g}, this one is {upper:.10g}, a relative gap of "
             f"{gap:.1e} ({self.argument}; {self.boxes} boxes, {self.seconds:.2f} s)"
         )
-
-
-def _rounded(value: float, digits: int, direction: str) -> float:
-    """A number of so many digits on one side of a value, so that a printed bound is one."""
-    return float(Context(prec=digits, rounding=direction).create_decimal_from_float(value))
 
 
 @dataclass(frozen=True, eq=False)
