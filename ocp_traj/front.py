@@ -252,7 +252,10 @@ class Front:
         """The best corner of the hypervolume's box, signed so that less is better, and where it comes from."""
         if given is not None:
             return self._corner(given, "ideal"), GIVEN
-        for source, point in ((OF_PROBLEM, self.problem.ideal_point), (ENDS, self.info.get("ideal"))):
+        for source, point in (
+            (OF_PROBLEM, self.problem.ideal_point(self.objectives)),
+            (ENDS, self.info.get("ideal")),
+        ):
             if isinstance(point, Mapping) and set(self.objectives) <= set(point):
                 return self._corner(point, "ideal"), source
         return (self._costs().min(axis=0) if self.points else np.full(len(self.objectives), np.nan)), OWN

@@ -23,6 +23,7 @@ from numpy.polynomial import chebyshev, polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.errors import InputError
+from ocp_traj.rounding import rounded_up
 from ocp_traj.seam import Formula, Seam
 from ocp_traj.tape import Tape
 
@@ -32,6 +33,7 @@ DEGREE = 12  # of the polynomials of a piece: our choice; with 9 tags a tubular 
 STRETCHES = 64  # a piece to begin with: our choice
 CLOSE, TINY = 0.02, 1e-10  # a bound above what was found by no more than this share, or amount [m], is close enough
 MOST_HALVINGS, MOST_STRETCHES = 40, 50_000  # at a time: our choice; bounds that are wide after that stay wide
+DIGITS = 3  # of a bound: our choice
 ROUNDING = 1e-14  # of coordinates, in seam and polynomial
 
 
@@ -85,7 +87,8 @@ def pieces(seam: Seam, tags: int, degree: int = DEGREE) -> Pieces:
         position.append(powers[0])
         axis.append(powers[1])
     errors = _Errors(seam, cuts, np.array(position), np.array(axis)).bound()
-    return Pieces(cuts, np.array(position), np.array(axis), float(errors[0]), float(errors[1]))
+    # Limits are tightened by these: their last bits, which differ between processors, would reach every solution.
+    return Pieces(cuts, np.array(position), np.array(axis), *(rounded_up(float(e), DIGITS) for e in errors))
 
 
 def _power(coefficients: Sequence[float] | Array, degree: int) -> Array:
@@ -137,14 +140,14 @@ class _Errors:
             found = np.maximum(found, at_middle.max(axis=0))
             piece, a, b = np.tile(piece, 2), np.concatenate([a, middle]), np.concatenate([middle, b])
             at_a, at_b = np.concatenate([at_a, at_middle]), np.concatenate([at_middle, at_b])
-        return proved + ROUNDING * np.abs(self.coefficients).sum(axis=2).max(axis=(0, 2))
+        return np.asarray(proved + ROUNDING * np.abs(self.coefficients).sum(axis=2).max(axis=(0, 2)))
 
     def found(self, piece: NDArray[np.intp], s: Array) -> Array:
         """Both errors ``(N, 2)`` at lengths of arc in given pieces."""
         exact, w = self.seam.at(s), self._local(piece, s)
         powers = w[:, None] ** np.arange(self.coefficients.shape[2])
         values = np.einsum("nd,ncdj->cnj", powers, self.coefficients[piece])
-        return np.linalg.norm(np.stack([exact.position, exact.axis]) - values, axis=2).T
+        return np.asarray(np.linalg.norm(np.stack([exact.position, exact.axis]) - values, axis=2).T)
 
     def second(self, piece: NDArray[np.intp], a: Array, b: Array) -> Array:
         """Largest second derivatives of both errors ``(N, 2)`` [1/m] on stretches of the arc."""

@@ -93,9 +93,9 @@ class Problem:
         dilate: (x, s) -> x of the same path s times slower, where the problem allows it.
         default_objective: what ``solve`` minimises when not told.
         reference_point: per objective, the worst value worth having: it bounds a front and its hypervolume.
-        ideal_point: per objective, a value that no front of it and others within the reference point is better than, as
-            far as local solves know: what a front's hypervolume is measured from. Empty for a case whose ideal nobody
-            has looked for; ``benchmarks/ideal_points.py`` does.
+        best_values: per objective and another one, the best value of the first that leaves the other within its
+            reference point, as far as local solves know: the ends of fronts, from which ``ideal_point`` follows. Empty
+            for a case whose ends nobody has looked for; ``benchmarks/ideal_points.py`` does.
         starts: random starts of a local solver when not told how many.
         stepping_stone: an objective that is easy to solve for from a guess; solves for others begin at its optimum.
         instants: a segment, of a first grid of constraint exchange that stays; if not given, degree/2 + 1, at least 3,
@@ -138,7 +138,7 @@ class Problem:
     dilate: Callable[[Array, float], Array] | None = None
     default_objective: str = ""
     reference_point: Mapping[str, float] = field(default_factory=dict)
-    ideal_point: Mapping[str, float] = field(default_factory=dict)
+    best_values: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     starts: int = 1
     stepping_stone: str = ""
     instants: int | Mapping[str, Sequence[float]] | None = None
@@ -253,6 +253,20 @@ class Problem:
         raise UnknownName(
             f"{self.id} has no objective {quoted(name)}; objectives are {', '.join(o.id for o in self.objectives)}"
         )
+
+    def ideal_point(self, names: Sequence[str]) -> dict[str, float]:
+        """What no front of some objectives within the reference point is better than; empty where that is not known.
+
+        Every further objective leaves less room: of each, the worst of its best values beside one other.
+        """
+        ideal = {}
+        for name in names:
+            known = self.best_values.get(name, {})
+            ends = [known[other] for other in names if other != name and other in known]
+            if not ends or len(ends) < len(names) - 1:
+                return {}
+            ideal[name] = max(ends) if self.objective(name).sense == "min" else min(ends)
+        return ideal
 
     def unpack(self, x: ArrayLike) -> dict[str, Array]:
         """Splits a decision vector into its named blocks."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any, Self
 
 import pandas as pd
 
 from ocp_traj.nlp import NLPResult, Status
+from ocp_traj.rounding import rounded_down, rounded_up
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import Instant
 from ocp_traj.verdicts import Audit
@@ -43,17 +43,11 @@ class Certificate:
     def explain(self) -> str:
         """One line."""
         word = "certified" if self.certified else "not certified"
-        lower, upper = _rounded(self.lower, 10, ROUND_FLOOR), _rounded(self.upper, 10, ROUND_CEILING)
-        gap = _rounded(self.gap, 2, ROUND_CEILING)
+        lower, upper, gap = rounded_down(self.lower, 10), rounded_up(self.upper, 10), rounded_up(self.gap, 2)
         return (
             f"{word}: no solution is below {lower:.10g}, this one is {upper:.10g}, a relative gap of "
             f"{gap:.1e} ({self.argument}; {self.boxes} boxes, {self.seconds:.2f} s)"
         )
-
-
-def _rounded(value: float, digits: int, direction: str) -> float:
-    """A number of so many digits on one side of a value, so that a printed bound is one."""
-    return float(Context(prec=digits, rounding=direction).create_decimal_from_float(value))
 
 
 @dataclass(frozen=True, eq=False)

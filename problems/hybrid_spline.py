@@ -100,6 +100,15 @@ def via_points(case: Guo2016) -> Array:
     return inverse_kinematics(*task_points())
 
 
+# Of the default case, each with another within the reference point; python benchmarks/ideal_points.py hybrid-spline
+BEST = {
+    "time": {"energy": 2.63615, "jerk": 2.56714, "acceleration": 2.48362},
+    "energy": {"time": 1565.21, "jerk": 355.639, "acceleration": 355.639},
+    "jerk": {"time": 0.0805246, "energy": 6.56202e-05, "acceleration": 6.56202e-05},
+    "acceleration": {"time": 0.0531675, "energy": 0.00050263, "jerk": 0.00050263},
+}
+
+
 def build(case: Guo2016 | None = None) -> Problem:
     """The problem of a case."""
     case = case or Guo2016()
@@ -177,6 +186,7 @@ def build(case: Guo2016 | None = None) -> Problem:
         objectives=tuple(objectives),
         default_objective="cost",
         reference_point={"time": 8.0, "energy": 6000.0, "jerk": 100.0, "acceleration": 5.0},
+        best_values=BEST if case == Guo2016() else {},
         requirements=Requirements(JOINTS, UNITS, limits, ends, ("payload",), continuity=2),
         guess=guess,
         dilate=lambda x, s: np.concatenate([np.asarray(x)[:12] * s, np.asarray(x)[12:]]),

@@ -241,6 +241,15 @@ def worst_worth_having(case: ZhuWang, points: Array, machine: Robot) -> dict[str
     }
 
 
+# Of the default case, each with another within the reference point; python benchmarks/ideal_points.py rotor-353
+BEST = {
+    "time": {"effort": 1.73136, "work": 1.73136, "jerk": 1.73136},
+    "effort": {"time": 0.216743, "work": 0.216743, "jerk": 0.216743},
+    "work": {"time": 448.58, "effort": 447.823, "jerk": 436.529},
+    "jerk": {"time": 50.7629, "effort": 81.6909, "work": 5.72568},
+}
+
+
 def build(case: ZhuWang | None = None) -> Problem:
     """The problem of a case."""
     case = case or ZhuWang()
@@ -329,6 +338,7 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
         objectives=tuple(objectives),
         default_objective="time",
         reference_point=worst_worth_having(case, points, machine) if whole else {},
+        best_values=BEST if whole and case == ZhuWang() else {},
         requirements=Requirements(joints, units, tuple(limits), ends, ("payload",), continuity=2),
         guess=guess,
         dilate=lambda x, s: np.concatenate([np.asarray(x)[:3] * s, np.asarray(x)[3:]]),

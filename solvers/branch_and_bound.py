@@ -446,7 +446,7 @@ class _Search:
         change = _sum([_product((a, b), (c, d)) for a, b, c, d in zip(*slopes, *spread, strict=True)])[0]
         found = np.nextafter(start[0] + change, -np.inf) * DOWN
         # Of times beyond its end the Lagrangian says nothing but that they are beyond it.
-        return np.maximum(best, np.minimum(np.where(np.isfinite(found), found, 0.0), end))
+        return np.asarray(np.maximum(best, np.minimum(np.where(np.isfinite(found), found, 0.0), end)))
 
     def _remember(self, centre: Array, times: Array) -> None:
         """Keeps the middle with the least time that the limits looked at allow."""

@@ -222,7 +222,8 @@ def evolve(
 
 def _gains(values: Array, on: Array) -> bool:
     """Whether one of some values ``(M, objectives)`` is better than each of others ``(N, objectives)`` in something."""
-    return bool((values[:, None] < on - SAME * np.abs(on)).any(axis=2).all(axis=1).any())
+    better = np.any(values[:, None] < on - SAME * np.abs(on), axis=2)  # (M, N)
+    return bool(np.any(np.all(better, axis=1)))
 
 
 def _best(algorithm: Any, target: Vectorised) -> Array:

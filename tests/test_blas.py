@@ -15,8 +15,9 @@ import threadpoolctl
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
-from ocp_traj.nlp import NLP, Row
+from ocp_traj.nlp import NLP
 from ocp_traj.problems import load
+from ocp_traj.rows import Row
 from ocp_traj.solvers.ipopt import Ipopt
 
 ROOT = Path(__file__).parents[1]

@@ -1,6 +1,7 @@
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, pi, sin, sqrt
+from pathlib import Path
 from typing import Any
 
 import casadi
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 from pytest import approx
 
-from ocp_traj import problems
+from ocp_traj import problems, screen
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.errors import InputError, UnknownName
 from ocp_traj.front import Front
@@ -174,12 +175,12 @@ def test_hypervolume_of_a_staircase() -> None:
 
 def test_an_ideal_is_given_or_the_problems_or_that_of_the_ends_or_at_last_the_fronts_own() -> None:
     ends = {"info": {"ideal": {"f1": 0.5, "f2": 0.5}}}
-    stored = chooser(ideal_point={"f1": 0.0, "f2": 0.0})
+    stored = chooser(best_values={"f1": {"f2": 0.0}, "f2": {"f1": 0.0}})
     measured = [
         front_of(STAIRS, stored, **ends).hypervolume(ideal=(1.0, 1.0)),
         front_of(STAIRS, stored, **ends).hypervolume(),
         front_of(STAIRS, **ends).hypervolume(),
-        front_of(STAIRS, chooser(ideal_point={"f1": 0.0})).hypervolume(),  # it says nothing of f2
+        front_of(STAIRS, chooser(best_values={"f1": {"f2": 0.0}})).hypervolume(),  # it says nothing of f2
     ]
     assert [m.ideal_from for m in measured] == ["given", "problem", "ends", "front"]
     assert [m.value for m in measured] == approx([6.0 / 9.0, 6.0 / 16.0, 6.0 / 3.5**2, 6.0 / 9.0])
@@ -187,6 +188,17 @@ def test_an_ideal_is_given_or_the_problems_or_that_of_the_ends_or_at_last_the_fr
     assert measured[1].to_dict()["ideal_from"] == "problem" and not measured[1].to_dict()["own_ideal"]
     assert front_of([(2.0, 2.0)], stored).hypervolume().value == approx(4.0 / 16.0)  # one point is no full box
     assert front_of([(5.0, 5.0)], stored).hypervolume((-1.0, -1.0)).value == 0.0
+    titles = [screen.front_sheet(front_of(STAIRS), m, Path("run")).tables[0][0] for m in measured]
+    assert ["from its own ideal: not comparable" in title for title in titles] == [False, False, False, True]
+
+
+def test_the_ideal_of_several_objectives_is_the_worst_of_each_ones_best_values() -> None:
+    best = {"f1": {"f2": 1.0, "f3": 2.0}, "f2": {"f1": 5.0, "f3": 4.0}, "f3": {"f1": 0.5}}
+    problem = chooser(("min", "max", "min"), best_values=best)
+    assert problem.ideal_point(["f1", "f2"]) == {"f1": 1.0, "f2": 5.0}
+    assert problem.ideal_point(["f2", "f1", "f3"]) == {}  # nothing is known of f3 beside f2
+    known = replace(problem, best_values={**best, "f3": {"f1": 0.5, "f2": 0.1}})
+    assert known.ideal_point(["f2", "f1", "f3"]) == {"f2": 4.0, "f1": 2.0, "f3": 0.5}
 
 
 def test_hypervolume_of_a_box_in_three_objectives() -> None:

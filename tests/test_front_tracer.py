@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from ocp_traj import problems
 from ocp_traj.audit import audit_all
 from ocp_traj.errors import InputError, NoSolutionFound, UnknownName
 from ocp_traj.front import Front
@@ -184,6 +185,28 @@ def test_an_end_that_no_start_reaches_is_replaced_by_a_dilation_of_the_other_and
 def test_a_front_of_one_point_is_refused(points: int) -> None:
     with pytest.raises(InputError, match=f"a front needs at least 2 points; got {points}"):
         FrontTracer(points=points)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "changes", "pair"),
+    [
+        ("rotor-353", {}, ("time", "effort")),
+        ("hybrid-spline", {}, ("time", "energy")),
+        ("hybrid-spline", {}, ("jerk", "acceleration")),
+        ("wrist-obstacle", {"branch": "0"}, ("time", "clearance")),
+        ("weld-bezier", {"case": "air-move"}, ("air_time", "movement")),
+    ],
+)
+def test_ends_of_a_front_reach_the_ideal_point_that_a_problem_stores_and_no_more(
+    name: str, changes: dict[str, str], pair: tuple[str, str]
+) -> None:
+    problem = problems.load(name, **changes)
+    found = FrontTracer(points=2, seed=11).pareto(problem, pair).info["ideal"]
+    for objective, stored in problem.ideal_point(pair).items():
+        sign = 1.0 if problem.objective(objective).sense == "min" else -1.0
+        assert sign * stored <= sign * found[objective]
+        assert found[objective] == pytest.approx(stored, rel=2e-5)
 
 
 @pytest.mark.parametrize(("names", "words"), [(["time"], "time"), ([], "none")])

@@ -94,6 +94,19 @@ def test_the_problem_says_what_it_is(problem: Problem) -> None:
     assert problem.robot is None or problem.robot.joints == problem.requirements.joints
 
 
+def test_best_values_are_known_of_the_default_case_and_within_the_reference(problem: Problem) -> None:
+    """Of a case that changes nothing but the choice of a branch as well, and of either case of the weld."""
+    fields = {k: v for k, v in vars(problem.case).items() if k not in ("branch", "case")}
+    default = all(v == getattr(problems.case_class(problem.id)(), k) for k, v in fields.items())
+    known = default and getattr(problem.case, "case", "") != "open"
+    assert set(problem.best_values) == (set(problem.reference_point) if known else set())
+    for name, values in problem.best_values.items():
+        assert set(values) == set(problem.reference_point) - {name}
+        less = problem.objective(name).sense == "min"
+        for value in values.values():
+            assert value < problem.reference_point[name] if less else value > problem.reference_point[name]
+
+
 def test_every_objective_has_a_unit_and_an_equation(problem: Problem) -> None:
     for objective in problem.objectives:
         assert objective.unit and objective.eq, objective.id

@@ -1,6 +1,8 @@
 """The welding robot and its problem: pinocchio and plain geometry judge what the package builds and solves."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,7 @@ from numpy.testing import assert_allclose
 
 from ocp_traj import api, problems, screen
 from ocp_traj.audit import audit
+from ocp_traj.cli import run
 from ocp_traj.errors import InputError
 from ocp_traj.nlp import Status
 from ocp_traj.problems import kr90, weld_start
@@ -121,6 +124,50 @@ def test_a_singular_tag_is_named_with_its_value(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(weld_start, "SINGULAR", 0.5)
     with pytest.raises(InputError, match=r"tag \d of 9 is singular: .* its Jacobian is 0\.\d+, 0\.5 or more is needed"):
         start(Ogbemhe2019(riser=0.61))  # not one that is remembered
+
+
+# --- populations: all individuals begin at the one start of a seam, and small ones stay there ---
+
+
+@pytest.mark.parametrize("method", ["nsga2", "mopso"])
+def test_a_front_that_is_the_start_alone_is_no_success(
+    method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sizes = ["--population", "8", "--generations", "2"]
+    run_folder = tmp_path / "run"
+    command = ["pareto", "weld-bezier", "--objectives", "air_time,movement", "--method", method, *sizes]
+    assert run([*command, "-o", str(run_folder)]) == 1
+    said = capsys.readouterr()
+    assert f"{method} found nothing better than its first generation" in said.err
+    saved = json.loads((run_folder / "run.json").read_text())
+    assert (saved["points"], saved["info"]["moved"]) == (1, False)
+    measured = saved["hypervolume"]
+    assert measured["ideal_from"] == "problem" and not measured["own_ideal"]
+    assert measured["ideal"] == problems.load("weld-bezier").ideal_point(["air_time", "movement"])
+    assert 0.2 < measured["value"] < 0.9 and "not comparable" not in said.out
+
+
+def test_a_best_individual_that_is_the_start_is_no_success(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["solve", "weld-bezier", "--method", "ga", "--population", "8", "--generations", "2", "--json"]) == 1
+    said = capsys.readouterr()
+    words = "ga: the best of 9 individuals; none is better than the best of those it began with"
+    assert f"feasible, not optimal: {words}" in said.err
+    found = json.loads(said.out)
+    assert (found["detail"], found["moved"], found["audit"]["verdict"]) == (words, False, "proved")
+
+
+@pytest.mark.slow
+def test_the_hybrid_keeps_the_ends_it_found_and_says_whether_more_came_of_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sizes = ["--population", "8", "--generations", "2", "--points", "2"]
+    command = ["pareto", "weld-bezier", "--objectives", "air_time,movement", "--method", "hmoga", *sizes]
+    code = run([*command, "-o", str(tmp_path / "run")])
+    saved = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert code == (0 if saved["info"]["moved"] else 1)
+    assert ("hmoga found nothing better" in capsys.readouterr().err) == (not saved["info"]["moved"])
+    assert saved["points"] >= 2 and saved["hypervolume"]["ideal_from"] == "problem"
+    assert saved["info"]["ideal"]["air_time"] == pytest.approx(saved["hypervolume"]["ideal"]["air_time"], rel=1e-4)
 
 
 # --- on the screen ---
