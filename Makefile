@@ -14,7 +14,7 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow kill fuzz coverage lint clean
+.PHONY: help front test test-slow kill fuzz interrupts coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
@@ -23,6 +23,7 @@ help:
 	@echo "make kill       a front killed at 20 random moments: nothing finished is lost"
 	@echo "make fuzz       2000 mutated files: what is proved of them holds, none ends in a traceback"
 	@echo "make coverage   all tests, with their coverage"
+	@echo "make interrupts Ctrl-C at MOMENTS (20) random moments of every method; takes hours"
 	@echo "make lint       ruff, and mypy on the installed package"
 	@echo "make clean      remove $(VENV), builds and caches; runs/ stays"
 
@@ -44,6 +45,9 @@ fuzz: $(VENV)/.installed-dev
 
 coverage: $(VENV)/.installed-dev
 	$(PYTEST) -m "" --cov
+
+interrupts: $(VENV)/.installed-dev
+	$(BIN)/python benchmarks/interrupts.py $(or $(MOMENTS),20)
 
 # mypy reads the package as a user gets it. `build/` would bring back modules deleted since the last build.
 lint: $(VENV)/.installed-dev

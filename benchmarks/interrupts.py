@@ -27,14 +27,14 @@ import numpy as np
 from ocp_traj.trajectory import Trajectory
 
 LIMIT = 3.0  # [s] of processor time from the signal to the end
-OPTIONS = {  # so that a command takes some 5 to 20 s
-    "exchange": ["--starts", "12"],
-    "pso": ["--starts", "3", "--generations", "60"],
-    "ga": ["--starts", "2", "--generations", "40"],
-    "trace": ["--points", "12"],
-    "nsga2": ["--generations", "150"],
-    "mopso": ["--generations", "100"],
-    "hmoga": ["--points", "6", "--generations", "40", "--population", "60"],
+OPTIONS = {  # so that a command takes some 5 to 10 s
+    "exchange": ["--starts", "6"],
+    "pso": ["--starts", "3", "--generations", "50"],
+    "ga": ["--starts", "2", "--generations", "15"],
+    "trace": ["--points", "10"],
+    "nsga2": ["--generations", "80"],
+    "mopso": ["--generations", "50"],
+    "hmoga": ["--points", "5", "--generations", "25", "--population", "60"],
 }
 SOLVE, PARETO = ("exchange", "pso", "ga"), ("trace", "nsga2", "mopso", "hmoga")
 PROBLEMS = {"hybrid-spline": ("time", "time,energy"), "wrist-obstacle": ("time", "time,distance")}

@@ -27,6 +27,7 @@ from ocp_traj.front import Front
 
 OBJECTIVES = ("time", "energy")
 POINTS = 12
+EARLIER = "ocp-traj.earlier"
 SAME = 1e-9  # relative: what a front counts as one point
 
 
@@ -40,7 +41,7 @@ class Left:
     @classmethod
     def read(cls, root: Path) -> Left:
         """Reads the whole lines of both journals."""
-        earlier = [_lines(root / name / "journal.jsonl") for name in ("earlier", ".earlier.moving")]
+        earlier = [_lines(root / name / "journal.jsonl") for name in (EARLIER, f".{EARLIER}.moving")]
         return cls(_lines(root / "journal.jsonl"), earlier[0] or earlier[1])
 
     @property
@@ -135,9 +136,9 @@ def main(kills: int = 20, seed: int = 0) -> int:
             before, after = kill(root, moment)
             gone = lost(known, before, after)
             known = after.kept or known
-            place = root if after.has_point or not after.earlier else root / "earlier"
+            place = root if after.has_point or not after.earlier else root / EARLIER
             if not after.has_point and not (place / "run.json").exists():
-                place = root / ".earlier.moving"  # while its files are moved: they are put back at the next start
+                place = root / f".{EARLIER}.moving"  # while its files are moved: they are put back at the next start
             front = ot.load_run(place)
             proved = sum(front.audit(i).proved for i in range(len(front)))
             bad = bool(gone) or proved < len(front) or bool(missing(front, known))

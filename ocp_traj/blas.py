@@ -46,6 +46,13 @@ def _controller() -> Any:
     return threadpoolctl.ThreadpoolController()
 
 
+def _release() -> None:
+    """Lets any thread set limits: threadpoolctl 3.8 and later ignores all but the one that was first."""
+    for library in _controller().lib_controllers:
+        if hasattr(library, "clear_controlling_thread"):
+            library.clear_controlling_thread(force=True)
+
+
 class _OneThread(ContextDecorator):
     """Nests, and may be entered by several threads: the last one to leave puts back what the first one found."""
 
@@ -56,6 +63,7 @@ class _OneThread(ContextDecorator):
     def __enter__(self) -> None:
         with self.lock:
             if self.depth == 0:
+                _release()
                 self.limiter = _controller().limit(limits=1, user_api="blas")
             self.depth += 1
 
@@ -63,7 +71,9 @@ class _OneThread(ContextDecorator):
         with self.lock:
             self.depth -= 1
             if self.depth == 0:
+                _release()
                 self.limiter.restore_original_limits()
+                _release()
 
 
 one_blas_thread = _OneThread()

@@ -20,7 +20,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ocp_traj import __version__, api, problems, screen
+from ocp_traj import api, problems, screen
 from ocp_traj.audit import audit as run_audit
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, OcpTrajError, cut, quoted
@@ -38,6 +38,7 @@ from ocp_traj.stopping import exit_code, stopping
 from ocp_traj.store import Run, request
 from ocp_traj.trajectory import Trajectory
 from ocp_traj.verdicts import ALLOWANCE, Audit
+from ocp_traj.version import __version__
 
 DONE, NOT_PROVED, WRONG_INPUT = 0, 1, 2
 MOST = 100_000  # of anything that is counted: our choice, what a machine's memory holds
@@ -216,21 +217,23 @@ def pareto(
                         chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
                         found=kept.found, progress=progress, **options,
                     )  # fmt: skip
+                if len(front):
+                    volume = front.hypervolume(*corners)
+                    folder = kept.finish(front, volume)
+                else:
+                    kept.discard()
             except (OcpTrajError, KeyboardInterrupt):
                 if kept.holds_points:
                     screen.say(f"what was found until then is kept: {output}")
                 raise
-            if not len(front):
-                kept.discard()
-                if stop.interrupted:
-                    return _interrupted("before the first point was found; nothing is written")
-                screen.say(
-                    f"{chosen.id}: {method} found no proved point ({front.info['dropped']}); --keep-unproved keeps the "
-                    "others"
-                )
-                return NOT_PROVED
-            volume = front.hypervolume(*corners)
-            folder = kept.finish(front, volume)
+        if not len(front):
+            if stop.interrupted:
+                return _interrupted("before the first point was found; nothing is written")
+            screen.say(
+                f"{chosen.id}: {method} found no proved point ({front.info['dropped']}); --keep-unproved keeps the "
+                "others"
+            )
+            return NOT_PROVED
         screen.show(screen.front_sheet(front, volume, folder), json)
         for words in screen.front_remarks(front):
             screen.say(words)

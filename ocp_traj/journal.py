@@ -30,7 +30,6 @@ class Journal:
             path.touch()
             sync(path.parent)
             _, self._size, self._checksum = _read(path)
-            self._file = open(path, "r+b", buffering=0)
         except OSError as error:
             raise self._failure(error) from error
 
@@ -40,23 +39,16 @@ class Journal:
         checksum = zlib.crc32(text, self._checksum)
         line = b'{"crc":"%08x","record":%s}\n' % (checksum, text)
         try:
-            self._cut()
-            written = 0
-            while written < len(line):  # a disk that is nearly full takes a part
-                written += self._file.write(line[written:])
-            os.fsync(self._file.fileno())
+            with open(self.path, "r+b", buffering=0) as file:
+                file.truncate(self._size)  # what follows the last whole record is torn
+                file.seek(self._size)
+                written = 0
+                while written < len(line):  # a disk that is nearly full takes a part
+                    written += file.write(line[written:])
+                os.fsync(file.fileno())
         except OSError as error:
             raise self._failure(error) from error
         self._size, self._checksum = self._size + len(line), checksum
-
-    def close(self) -> None:
-        """Ends writing."""
-        self._file.close()
-
-    def _cut(self) -> None:
-        """Removes what follows the last whole record."""
-        self._file.truncate(self._size)
-        self._file.seek(self._size)
 
     def _failure(self, error: OSError) -> FileFormatError:
         return FileFormatError(

@@ -12,11 +12,10 @@ from pathlib import Path
 from sys import float_info
 from typing import Any
 
-import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj import problems
+from ocp_traj import problems, standard
 from ocp_traj.dynamics import ROUND_OFF
 from ocp_traj.errors import FileFormatError, InputError, cut, quoted
 from ocp_traj.files import read_text
@@ -24,7 +23,6 @@ from ocp_traj.limits import QUANTITIES, UNLIMITED, Limits
 from ocp_traj.requirements import (
     ORDERS,
     ParameterBound,
-    PathConstraint,
     PointConstraint,
     Requirements,
     State,
@@ -36,8 +34,6 @@ Names = tuple[str, ...]
 
 FORMAT = "ocp-traj/limits/1"
 SI = "SI only, no degrees"
-PER_TIME = ("", "/s", "/s2", "/s3", "/s4")  # of ORDERS
-AXES = ("x", "y", "z")
 UNITS = set(EFFORT_UNITS)
 GRAVITY = [0.0, 0.0, -9.81]  # [m/s^2], where the file gives none
 ROUNDED = 1e-9  # of the least effort: our choice, far below what masses are known to
@@ -115,11 +111,7 @@ def read_requirements(path: str | Path) -> Requirements:
     each = f"one for each of {list(joints)}"
     given = Limits(**{name: _bounds(file.table(name, "lower", "upper", "limit"), joints, each) for name in QUANTITIES})
     robot, limits = _robot(file, joints, units, given)
-    constraints = [
-        PathConstraint.on_derivative(f"{name}-limit", order, *pair, [unit + PER_TIME[order] for unit in units], joints)
-        for order, name in enumerate(QUANTITIES[: len(ORDERS)])
-        if (pair := limits.bounds(name)) is not None
-    ]
+    constraints = list(standard.joint_limits(limits, joints, units))
     payload = _payload(file.table("payload", "mass", "parameter"))
     if (efforts := limits.bounds("effort")) is not None:
         model = robot.model
@@ -134,17 +126,18 @@ def read_requirements(path: str | Path) -> Requirements:
         def effort(s: State) -> Any:
             return robot.effort(s.q, s.v, s.a, payload=s.p[0] if payload is None else payload)
 
-        constraints.append(PathConstraint("force", effort, *efforts, robot.effort_units, labels))
+        constraints.append(standard.effort_limit(effort, efforts, robot.effort_units, labels))
     elif payload != 0.0:
         raise file.error("[payload]", "changes nothing where the effort has no limits; give [effort] too")
-    if (box := _bounds(file.table("tool", "lower", "upper"), AXES, "x, y, z [m] in the world", True)) is not None:
-        constraints.append(PathConstraint("tool-box", lambda s: robot.tool_pose(s.q)[1], *box, ("m",) * 3, AXES))
+    where = file.table("tool", "lower", "upper")
+    if (box := _bounds(where, standard.AXES, "x, y, z [m] in the world", True)) is not None:
+        constraints.append(standard.tool_box(robot, *box))
     constraints = [limit for limit in constraints if np.isfinite([limit.lower, limit.upper]).any()]
     points = _rest(file.table("rest", "order", "tolerance"), joints, units)
     if not constraints and not points and "continuity" not in file.values:
         raise FileFormatError(f"{path} limits nothing; give at least one finite limit, [rest] or continuity")
     # A bounded m-th derivative means that the one below it does not jump; an effort bounds the acceleration.
-    least = max([0, *(2 if limit.id == "force" else limit.order or 0 for limit in constraints)]) - 1
+    least = max([0, *(2 if limit.id == standard.EFFORT else limit.order or 0 for limit in constraints)]) - 1
     wanted = "a whole number from 0 to 4"
     continuity = file.get("continuity", int, wanted, lambda n: 0 <= n < len(ORDERS), max(least, 0))
     brought = (ParameterBound("payload", 0.0, float("inf"), "kg"),) if payload is None else ()
@@ -233,7 +226,4 @@ def _rest(table: _Table, joints: Names, units: Names) -> tuple[PointConstraint, 
         return ()
     last = table.get("order", int, "1 to 4, the highest derivative that vanishes", lambda n: 1 <= n < len(ORDERS))
     tolerance = table.get("tolerance", int | float, "a number > 0", lambda x: 0.0 < x <= float_info.max, REST_TOLERANCE)
-    labels = tuple(f"{ORDERS[k]} {joint}" for k in range(1, last + 1) for joint in joints)
-    per_time = tuple(unit + PER_TIME[k] for k in range(1, last + 1) for unit in units)
-    fixed = (((0, 0.0), (-1, 1.0)), np.zeros(1), np.zeros(1), per_time, labels)  # both ends, lower, upper
-    return (PointConstraint("rest", lambda s: casadi.vertcat(*s[1 : last + 1]), *fixed, tolerance=float(tolerance)),)
+    return (standard.rest(joints, units, last, structural=False, tolerance=float(tolerance)),)

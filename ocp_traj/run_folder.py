@@ -1,9 +1,9 @@
 """The folder of a run while it is written: one process at a time, and an earlier run is kept until there is a better.
 
 The process holds a lock on ``.ocp-traj.lock``, which ends with it, however it ends. A run that is to be replaced is
-first moved into ``earlier/`` and stays there, a run folder like any other, until the new one has a proved point. Where
-the new one ends without, it is moved back. What a killed process leaves of this is put in order when the folder is
-next written to.
+first moved into ``ocp-traj.earlier/`` and stays there, a run folder like any other, until the new one has a proved
+point. Where the new one ends without, it is moved back. What a killed process leaves of this is put in order when the
+folder is next written to.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from ocp_traj.records import is_proved
 
 MANIFEST, JOURNAL, TABLE, PICTURE, TRAJECTORIES = "run.json", "journal.jsonl", "front.csv", "front.png", "trajectories"
 PARTS = (MANIFEST, JOURNAL, TABLE, PICTURE, TRAJECTORIES)  # what a run is made of; nothing else is moved or deleted
-EARLIER = "earlier"
-# On the way into or out of `earlier`, and on the way out for good: a rename begins and ends each.
-_MOVING, _GONE = ".earlier.moving", ".earlier.gone"
+EARLIER = "ocp-traj.earlier"  # nobody else calls anything so
+# On the way into it or out of it, and on the way out for good: a rename begins and ends each.
+_MOVING, _GONE = f".{EARLIER}.moving", f".{EARLIER}.gone"
 _LOCK = ".ocp-traj.lock"
 
 
@@ -38,7 +38,7 @@ def check_target(folder: str | Path, force: bool = False) -> Path:
         target = Path(os.path.realpath(folder))  # resolve() raises on loops of links
         if target.exists():
             _check_replaceable(Path(folder), target, force)
-        above = next(parent for parent in target.parents if parent.exists())
+        above = next(parent for parent in target.parents if os.path.lexists(parent))  # a link may lead nowhere
         os.rmdir(tempfile.mkdtemp(prefix=f".{target.name}.", dir=above))  # the only sure way to know that one can
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):

@@ -96,7 +96,9 @@ def problem_list(problems: Sequence[Problem]) -> Sheet:
         {
             "id": p.id,
             "title": p.title,
-            "robot": f"{p.robot.model.name}, {p.requirements.dof} joints",
+            "robot": f"{p.robot.model.name}, {p.requirements.dof} joints"
+            if p.robot
+            else f"{p.requirements.dof} joints",
             "curve": p.curve_kind,
             "variables": p.size,
             "objectives": [o.id for o in p.objectives],

@@ -19,6 +19,7 @@ QUANTITIES = ("position", "velocity", "acceleration", "jerk", "snap")  # of ORDE
 PER_TIME = ("", "/s", "/s2", "/s3", "/s4")  # of ORDERS
 ENDS: Points = ((0, 0.0), (-1, 1.0))
 AXES = ("x", "y", "z")
+EFFORT = "effort-limit"  # id of the limit on what the actuators do, forces and torques alike
 
 
 def units_of(units: Sequence[str], order: int) -> tuple[str, ...]:
@@ -51,9 +52,9 @@ def joint_limits(
 def effort_limit(
     effort: Expression, bounds: tuple[ArrayLike, ArrayLike], units: Sequence[str], labels: Sequence[str], eq: str = ""
 ) -> PathConstraint:
-    """``effort-limit``: forces [N] and torques [N m] of the actuators, as an expression of the state."""
+    """The limit called ``EFFORT``: forces [N] and torques [N m] of the actuators, as an expression of the state."""
     lower, upper = (np.asarray(bound, dtype=float) for bound in bounds)
-    return PathConstraint("effort-limit", effort, lower, upper, tuple(units), tuple(labels), eq)
+    return PathConstraint(EFFORT, effort, lower, upper, tuple(units), tuple(labels), eq)
 
 
 def tool_box(robot: Robot, lower: ArrayLike, upper: ArrayLike, eq: str = "") -> PathConstraint:

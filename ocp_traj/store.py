@@ -17,7 +17,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import ocp_traj
 from ocp_traj.errors import InputError
 from ocp_traj.files import plain, write_text, write_with
 from ocp_traj.front import Front, Hypervolume
@@ -28,6 +27,7 @@ from ocp_traj.records import Record, is_proved, of_front, usable
 from ocp_traj.run_folder import JOURNAL, MANIFEST, PICTURE, TABLE, TRAJECTORIES, RunFolder
 from ocp_traj.trajectory import case_fields
 from ocp_traj.verdicts import PROVED
+from ocp_traj.version import __version__
 
 FORMAT = "ocp-traj/run/2"
 PACKAGES = ("casadi", "pin", "pymoo", "numpy")
@@ -50,7 +50,7 @@ def request(
                 "options": options or {},
                 "budget": budget,
                 "keep_unproved": keep_unproved,
-                "versions": {"ocp-traj": ocp_traj.__version__, **{name: _version(name) for name in PACKAGES}},
+                "versions": {"ocp-traj": __version__, **{name: _version(name) for name in PACKAGES}},
             }
         )
     )
@@ -112,15 +112,13 @@ class Run:
 
     def discard(self) -> None:
         """Leaves nothing of this run, and brings back the one that it was to replace; not once a point is proved."""
-        self._journal.close()
         if self._proved:
-            self._place.close()
+            self.close()
         else:
             self._place.discard()
 
     def close(self) -> None:
         """Leaves the folder as it is."""
-        self._journal.close()
         self._place.close()
 
     def _append(self, record: Record) -> None:

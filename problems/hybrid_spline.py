@@ -17,30 +17,27 @@ Deviations
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, sqrt
 from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from ocp_traj import standard
 from ocp_traj.case import check, choice, number, numbers
-from ocp_traj.chain import AxisJoint, DHRow, LinkInertia
 from ocp_traj.curves import cubic_spline_free_ends
 from ocp_traj.errors import InputError
-from ocp_traj.limits import Limits
 from ocp_traj.objective import MIDPOINT, TRAPEZOID, Objective
 from ocp_traj.problem import Problem, Variable
-from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
-from ocp_traj.robot import ActuatorMap, Robot
+from ocp_traj.problems.hybrid_robot import GRAVITY, JOINTS, L1, LIMITS, UNITS
+from ocp_traj.problems.hybrid_robot import inverse_kinematics as inverse_kinematics
+from ocp_traj.problems.hybrid_robot import robot as robot
+from ocp_traj.requirements import PathConstraint, Requirements, State
 
 Array = NDArray[np.float64]
 
 CONVENTIONS = ("physical", "paper-literal")
 VIA_POINTS = ("rederived", "table6")
-JOINTS = ("X_S1", "X_S2", "X_S3", "phi_4", "phi_5")
-UNITS = ("m", "m", "m", "rad", "rad")
-GRAVITY = 9.80665  # [m/s^2], below (42)
 
 
 @dataclass(frozen=True)
@@ -70,47 +67,6 @@ class Guo2016:
 
 Case = Guo2016
 
-# Table 1 [m]. L_p: (8), with L_t = 225 mm.
-L1, L2, L3, L4, L5, L01, E = 0.420, 0.050, 0.450, 0.180, 0.180, 0.400, 0.0
-LP = 0.225 - (0.180 + sqrt(2.0) * 0.080 + E)
-
-# Table 4: mass [kg], inertia about the centre of mass [kg mm^2], centre of mass [mm].
-TABLE_4 = (
-    (
-        83.025,
-        ((5095170.782, -61.008, 1019.065), (-61.008, 3291706.841, -15.858), (1019.065, -15.858, 2367692.766)),
-        (0.0, 0.0, -44.182),
-    ),
-    (
-        21.333,
-        (
-            (1475990.573, -3970.014, -748196.633),
-            (-3970.014, 2366543.574, -8327.223),
-            (-748196.633, -8327.223, 911968.216),
-        ),
-        (-304.563, -1.306, -278.925),
-    ),
-    (
-        8.022,
-        ((142265.977, -0.114, 0.002), (-0.114, 45016.139, 46002.096), (0.002, 46002.096, 109393.601)),
-        (0.0, -63.686, -468.138),
-    ),
-    (
-        9.120,
-        ((119573.680, 27.342, -0.849), (27.342, 36160.108, -18452.465), (-0.849, -18452.465, 94076.578)),
-        (0.0, -52.909, -261.241),
-    ),
-)
-
-# Table 2, SI.
-LIMITS = Limits(
-    position=((0.0, 0.0, 0.0, -pi, -pi), (1.0, 1.0, 0.5, pi, pi)),
-    velocity=(0.25, 0.25, 0.25, 1.96, 1.96),
-    acceleration=(5.0, 5.0, 5.0, 60.0, 60.0),
-    jerk=(100.0, 100.0, 100.0, 1200.0, 1200.0),
-    effort=(500.0, 500.0, 500.0, 17.0, 17.0),
-)
-
 # Table 6: X_S1, X_S2, X_S3 [mm], phi_4, phi_5 [rad] of the 11 via points. Row 6 prints X_S3 = 223.38.
 TABLE_6 = (
     (262.63, 142.92, 367.10, -1.030, 1.028),
@@ -125,58 +81,6 @@ TABLE_6 = (
     (476.11, 599.93, 139.50, -1.303, 0.252),
     (507.92, 662.77, 132.92, -1.350, 0.197),
 )
-
-
-def robot() -> Robot:
-    """The 5-DOF hybrid robot: two parallel ball screws that move and yaw link 1, a lift, and two revolute joints."""
-
-    def serial(q: Any) -> Any:  # (90), (92): d1, alpha, X_S3, phi_4, phi_5
-        return casadi.vertcat((q[0] + q[1]) / 2.0, casadi.atan((q[1] - q[0]) / L1), q[2], q[3], q[4])
-
-    links = [LinkInertia(mass, np.array(centre) * 1e-3, np.array(inertia) * 1e-6) for mass, inertia, centre in TABLE_4]
-    return Robot.from_dh(
-        rows=(  # Table 3
-            DHRow(d=L01, a=L3, kind="prismatic"),
-            DHRow(theta=-pi / 2.0, d=L2 + L4 + sqrt(2.0) * L5, alpha=pi / 4.0),
-            DHRow(theta=pi, d=sqrt(2.0) * E, alpha=pi / 4.0),
-            DHRow(d=LP, kind="fixed"),
-        ),
-        inertias=(*links[1:], None),
-        prefix=(AxisJoint("prismatic", axis=(1, 0, 0)), AxisJoint("revolute", axis=(0, 0, 1), inertia=links[0])),
-        gravity=(0.0, 0.0, GRAVITY),  # Z0 points down
-        joints=JOINTS,
-        units=UNITS,
-        limits=LIMITS,
-        actuator_map=ActuatorMap("parallel screws", serial),
-        name="hybrid 5-DOF",
-    )
-
-
-def inverse_kinematics(position: ArrayLike, axis: ArrayLike) -> Array:
-    """Joint coordinates of tool positions and tool axes, (29)-(32) with A1/L3 in place of A1.
-
-    Args:
-        position: p ``(N, 3)`` [m].
-        axis: a ``(N, 3)``, unit, a_z > 0; of the two turns about it, the one with n_z <= 0 is taken.
-
-    Returns:
-        ``(N, 5)``: X_S1, X_S2, X_S3 [m], phi_4, phi_5 [rad].
-    """
-    p, a = np.atleast_2d(np.asarray(position, dtype=float)), np.atleast_2d(np.asarray(axis, dtype=float))
-    az = a[:, 2]
-    nz = -np.sqrt(np.maximum(1.0 - (2.0 * az - 1.0) ** 2, 0.0)) / sqrt(2.0)
-    y, x = a[:, 1] * (az - 1.0) + a[:, 0] * nz, a[:, 0] * (az - 1.0) - a[:, 1] * nz
-    sine = (p[:, 1] - LP * a[:, 1] + (E * y / ((az - 1.0) ** 2 + nz**2) if E else 0.0)) / L3
-    if (np.abs(sine) > sqrt(0.5)).any():
-        raise InputError("inverse kinematics: a position is out of reach, its yaw lies beyond +-45 deg (below (4))")
-    alpha = np.arcsin(sine)
-    phi5 = np.arctan2(-sqrt(2.0) * nz, 2.0 * az - 1.0)
-    phi4 = np.arctan2(y, x) - alpha
-    phi4 = np.arctan2(np.sin(phi4), np.cos(phi4))
-    middle = p[:, 0] + E * np.cos(alpha + phi4) - L3 * np.cos(alpha) - LP * a[:, 0]
-    half = 0.5 * L1 * np.tan(alpha)
-    lift = p[:, 2] - (L2 + L4 + sqrt(2.0) * L5 + L01 + E + az * LP)
-    return np.asarray(np.stack([middle - half, middle + half, lift, phi4, phi5], axis=1))
 
 
 def task_points() -> tuple[Array, Array]:
@@ -251,29 +155,15 @@ def build(case: Guo2016 | None = None) -> Problem:
         h = np.clip(h, lower, case.max_interval)
         return np.append(h, rng.uniform(0.0, min(10.0, case.max_payload))) if case.free_payload else h
 
-    kinds = (
-        ("position", "(118)", ""),
-        ("velocity", "(119)", "/s"),
-        ("acceleration", "(120)", "/s2"),
-        ("jerk", "(121)", "/s3"),
-    )
-    limits = []
-    for order, (name, eq, per) in enumerate(kinds):
-        lower_bound, upper_bound = getattr(LIMITS, name)
-        units = tuple(unit + per for unit in UNITS)
-        limits.append(PathConstraint.on_derivative(f"{name}-limit", order, lower_bound, upper_bound, units, JOINTS, eq))
-    weakest, strongest = LIMITS.effort
-    forces = ("F1", "F2", "F3", "tau4", "tau5")
-    limits.append(PathConstraint("force", force, weakest, strongest, machine.effort_units, forces, "(122)"))
+    kinds = {"position": "(118)", "velocity": "(119)", "acceleration": "(120)", "jerk": "(121)"}
     yaw = np.array([L1])
-    limits.append(PathConstraint("yaw", lambda s: s.q[1] - s.q[0], -yaw, yaw, ("m",), ("X_S2 - X_S1",), "below (4)"))
-    rest = PointConstraint(
-        "rest", lambda s: casadi.vertcat(s.v, s.a), ((0, 0.0), (-1, 1.0)), np.zeros(10), np.zeros(10),
-        tuple(f"{u}/s" for u in UNITS) + tuple(f"{u}/s2" for u in UNITS),
-        tuple(f"v {j}" for j in JOINTS) + tuple(f"a {j}" for j in JOINTS), "sect. 3.2", structural=True,
-    )  # fmt: skip
+    limits = (
+        *standard.joint_limits(LIMITS, JOINTS, UNITS, kinds),
+        standard.effort_limit(force, LIMITS.effort, machine.effort_units, ("F1", "F2", "F3", "tau4", "tau5"), "(122)"),
+        PathConstraint("yaw", lambda s: s.q[1] - s.q[0], -yaw, yaw, ("m",), ("X_S2 - X_S1",), "below (4)"),
+    )
     knots = ((0, 0.0), *((k, 0.0) for k in range(2, 11)), (-1, 1.0))
-    via = PointConstraint("via", lambda s: s.q, knots, points, points, UNITS, JOINTS, "(127)", structural=True)
+    ends = standard.rest(JOINTS, UNITS, eq="sect. 3.2"), standard.via_points(points, knots, JOINTS, UNITS, "(127)")
     return Problem(
         id="hybrid-spline",
         title="5-DOF hybrid robot, cubic splines, payload",
@@ -287,7 +177,7 @@ def build(case: Guo2016 | None = None) -> Problem:
         objectives=tuple(objectives),
         default_objective="cost",
         reference_point={"time": 8.0, "energy": 6000.0, "jerk": 100.0, "acceleration": 5.0},
-        requirements=Requirements(JOINTS, UNITS, tuple(limits), (rest, via), ("payload",), continuity=2),
+        requirements=Requirements(JOINTS, UNITS, limits, ends, ("payload",), continuity=2),
         guess=guess,
         dilate=lambda x, s: np.concatenate([np.asarray(x)[:12] * s, np.asarray(x)[12:]]),
     )
@@ -299,48 +189,4 @@ TABLE_9 = {  # Fc, z1 .. z4
     "NSGA-II, best": {"cost": 3.093, "time": 6.189, "energy": 3921.602, "jerk": 1.068, "acceleration": 0.194},
     "fmincon, mean of 100": {"cost": 3.220, "time": 7.146, "energy": 3250.239, "jerk": 2.510, "acceleration": 0.252},
 }
-SECONDS = {"NSGA-II, best": 74.55, "fmincon, mean of 100": 1032.78}  # sect. 6; the second for all 100 starts
 LARGEST_PAYLOAD = "12.65"  # [kg] sect. 6
-PAYLOAD_RANGE = ("0", "10")  # m_pl, m_pu of (123) [kg], Table 1
-TRACKING_ERROR = {"standard deviation": "0.0840", "variance": "0.0071", "maximum": "0.2933"}  # [mm, mm2, mm], Fig. 15
-
-# Tables as printed, digit by digit and misprints included: how many digits there are says how precise they are.
-# Table 5: number, J11, J22, J33 [kg mm^2], m x, m y, m z [kg mm] of the pseudo-inertia (102).
-TABLE_5_PRINTED = """
-2  282114.412  2085578.353  3009592.428      0          0        -3668.210
-3  901260.608  2085578.353  3009592.428  -6497.242   -27.860     -3668.210
-4    6071.881   103321.719    38944.257      0       -510.889    -3755.403
-5    5331.503    88745.074    30828.605      0.501   -482.530    -2382.517
-"""
-# Table 6: knot, X_S1, X_S2, X_S3 [mm], phi_4, phi_5 [rad], x, y, z [mm].
-TABLE_6_PRINTED = """
- 1  262.63  142.92  367.10  -1.030   1.028   600      -150      1200
- 2  264.82  149.16  361.35  -1.0374  1.0253  605.375  -146.070  1194.164
- 3  279.40  189.61  325.12  -1.082   0.993   640      -120      1157
- 4  298.23  236.26  288.21  -1.117   0.918   680       -90      1118
- 5  319.14  284.04  255.31  -1.149   0.838   720       -60      1083
- 6  341.88  333.02  223.38  -1.179   0.752   760       -30      1052
- 7  366.21  383.29  201.39  -1.206   0.662   800         0      1025
- 8  391.95  434.95  180.26  -1.232   0.566   840        30      1002
- 9  418.93  488.14  162.95  -1.257   0.466   880        60       983
-10  447.03  543.04  149.39  -1.280   0.361   920        90       968
-11  476.11  599.93  139.50  -1.303   0.252   960       120       957
-12  502.37  651.71  134.09  -1.3412  0.2045  993.187   144.873  9.51221
-13  507.92  662.77  132.92  -1.350   0.197  1000       150       950
-"""
-# Table 8: knot, t [s], X_S1, X_S2, X_S3 [mm], phi_4, phi_5 [rad], x, y, z [mm].
-TABLE_8_PRINTED = """
- 1  0      262.63  142.92  367.10  -1.030  1.028   599.974  -149.996  1199.998
- 2  0.330  263.57  145.35  364.92  -1.033  1.027   602.064  -148.530  1197.757
- 3  1.167  279.40  189.61  325.12  -1.082  0.993   639.988  -120.009  1156.971
- 4  1.970  298.23  236.26  288.21  -1.117  0.918   680.018   -89.937  1117.988
- 5  2.530  319.14  284.04  255.31  -1.149  0.838   719.961   -59.994  1082.990
- 6  3.016  341.88  333.02  223.38  -1.179  0.752   759.998   -30.042  1052.018
- 7  3.397  366.21  383.29  201.39  -1.206  0.662   799.999     0.022  1025.016
- 8  3.745  391.95  434.95  180.26  -1.232  0.566   839.951    30.000  1002.038
- 9  4.093  418.93  488.14  162.95  -1.257  0.466   879.967    59.997   983.048
-10  4.485  447.03  543.04  149.39  -1.280  0.361   919.970    89.985   968.014
-11  5.037  476.11  599.93  139.50  -1.303  0.252   959.982   119.989   956.999
-12  5.769  505.32  667.51  133.42  -1.346  0.1969  996.812   147.566   950.498
-13  6.189  507.92  662.77  132.92  -1.350  0.197   999.993   150.042   949.980
-"""

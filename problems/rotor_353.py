@@ -25,14 +25,16 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from ocp_traj import standard
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.case import check, choice, number, numbers
 from ocp_traj.chain import AxisJoint, LinkInertia
 from ocp_traj.curves import polynomial_353
 from ocp_traj.errors import InputError
+from ocp_traj.limits import Limits
 from ocp_traj.objective import Objective, gauss
 from ocp_traj.problem import Decomposition, Problem, Variable
-from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.requirements import PathConstraint, Requirements, State
 from ocp_traj.robot import ActuatorMap, Robot
 from ocp_traj.six_axis import Branches, SixAxisArm, wrapped
 
@@ -262,38 +264,26 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
     def torque(s: State) -> Any:
         return machine.effort(s.q, s.v, s.a, payload=s.p[0])
 
-    limits = []
+    limits: list[PathConstraint] = []
     if whole and case.position_limits:
         low, high = (np.radians(bound) for bound in POSITION)
         labels = ("J1", "J2", "J2 + J3", "J4", "J5", "J6")
         limits.append(
             PathConstraint("position-limit", lambda s: serial_angles(s.q), low, high, ("rad",) * 6, labels, "maker")
         )
-    bounds = (
-        ("velocity", case.velocity, "(14)"),
-        ("acceleration", case.acceleration, "(15)"),
-        ("jerk", case.jerk, "ours"),
-    )
-    for order, (name, values, eq) in enumerate(bounds, 1):
-        if values:
-            bound = np.radians([values[j] for j in chosen])
-            units = ("rad/s" + ("" if order == 1 else str(order)),) * count
-            limits.append(PathConstraint.on_derivative(f"{name}-limit", order, -bound, bound, units, joints, eq))
+    given = {name: getattr(case, name) for name in ("velocity", "acceleration", "jerk")}
+    bounds = Limits(**{name: np.radians([values[j] for j in chosen]) for name, values in given.items() if values})
+    units, kinds = ("rad",) * count, {"velocity": "(14)", "acceleration": "(15)", "jerk": "ours"}
+    limits += standard.joint_limits(bounds, joints, units, kinds)
     if whole and case.effort_limits:
         strongest = np.array(EFFORT)
-        limits.append(
-            PathConstraint("effort-limit", torque, -strongest, strongest, machine.effort_units, joints, "maker")
-        )
-    rest = PointConstraint(
-        "rest", lambda s: casadi.vertcat(s.v, s.a), ((0, 0.0), (-1, 1.0)), np.zeros(2 * count), np.zeros(2 * count),
-        ("rad/s",) * count + ("rad/s2",) * count, tuple(f"v {j}" for j in joints) + tuple(f"a {j}" for j in joints),
-        "sect. 3.1", structural=True,
-    )  # fmt: skip
+        limits.append(standard.effort_limit(torque, (-strongest, strongest), machine.effort_units, joints, "maker"))
     where = points[:, list(chosen)]
-    via = PointConstraint(
-        "via", lambda s: s.q, ((0, 0.0), (1, 0.0), (2, 0.0), (-1, 1.0)), where, where, ("rad",) * count, joints,
-        "Table 2", structural=True,
-    )  # fmt: skip
+    passed = ((0, 0.0), (1, 0.0), (2, 0.0), (-1, 1.0))
+    ends = (
+        standard.rest(joints, units, eq="sect. 3.1"),
+        standard.via_points(where, passed, joints, units, "Table 2"),
+    )
 
     objectives = [Objective("time", "s", 1.0, eq="(13)", of_variables=lambda x, p: casadi.sum1(x[:3]))]
     if whole:
@@ -339,7 +329,7 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
         objectives=tuple(objectives),
         default_objective="time",
         reference_point=worst_worth_having(case, points, machine) if whole else {},
-        requirements=Requirements(joints, ("rad",) * count, tuple(limits), (rest, via), ("payload",), continuity=2),
+        requirements=Requirements(joints, units, tuple(limits), ends, ("payload",), continuity=2),
         guess=guess,
         dilate=lambda x, s: np.concatenate([np.asarray(x)[:3] * s, np.asarray(x)[3:]]),
         scales_in_time=not free,

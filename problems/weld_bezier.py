@@ -29,6 +29,7 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj import standard
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.case import check, choice, number, numbers
 from ocp_traj.curves import nonic
@@ -167,31 +168,21 @@ def _objectives(case: Ogbemhe2019, machine: Robot, air: Callable[[Any], Any]) ->
 
 
 def _joint_limits(case: Ogbemhe2019, machine: Robot) -> list[PathConstraint]:
-    limits = []
-    for order, name in enumerate(("position", "velocity", "acceleration", "jerk", "snap")):
-        low, high = machine.limits.bounds(order) or (0.0, 0.0)
-        limits.append(
-            PathConstraint.on_derivative(
-                f"{name}-limit", order, low, high, UNITS[order], JOINTS, "Table 3" if order else "(20)"
-            )
-        )
+    kinds = {"position": "(20)", **dict.fromkeys(("velocity", "acceleration", "jerk", "snap"), "Table 3")}
     effort = np.full(6, PRINTED_EFFORT) if case.as_printed else np.array(kr90.EFFORT)
 
     def torque(s: State) -> Any:
         return kr90.torque(machine, s.q, s.v, s.a)
 
-    limits.append(PathConstraint("torque", torque, -effort, effort, machine.effort_units, JOINTS, "(25)"))
-    return limits
+    return [
+        *standard.joint_limits(machine.limits, JOINTS, UNITS[0], kinds),
+        standard.effort_limit(torque, (-effort, effort), machine.effort_units, JOINTS, "(25)"),
+    ]
 
 
 def _rest_constraint(id: str, at: tuple[int, float], q: Array) -> PointConstraint:
     """At rest in all derivatives up to snap, at a posture."""
-    state = at_rest(q).ravel()
-    labels = tuple(f"{order} {joint}" for order in ORDERS for joint in JOINTS)
-    return PointConstraint(
-        id, lambda s: casadi.vertcat(s.q, s.v, s.a, s.jerk, s.snap), (at,), state, state,
-        tuple(unit for units in UNITS for unit in units), labels, "sect. IV-B", structural=True,
-    )  # fmt: skip
+    return standard.posture(id, q, (at,), JOINTS, UNITS[0], "sect. IV-B")
 
 
 def _tag_variables(tag: str, weld: float, position: bool) -> list[Variable]:
@@ -262,6 +253,7 @@ def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstr
     begun = start(case)
     cut, tags, home = begun.cut, case.tags, np.radians(case.home)
     weld = float(cut.tags[-1]) / case.weld_speed / (tags - 1)
+    pace = np.full(tags - 1, weld)
     variables = [v for tag in range(1, tags + 1) for v in _tag_variables(f"tag {tag}", weld, position=True)]
     variables.append(_durations(case, ("approach", "retract")))
 
@@ -300,7 +292,7 @@ def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstr
         case, machine, variables, curve, (*limits, *tracked),
         (_rest_constraint("start", (0, 0.0), home), _rest_constraint("end", (-1, 1.0), home)),
         guess, "a tubular seam" if not case.seam_file else "a seam",
-        durations=(DurationConstraint("weld-time", tuple(range(1, tags)), *[np.array(weld)] * 2, "our choice"),),
+        durations=(DurationConstraint("weld-time", tuple(range(1, tags)), pace, pace, "our choice"),),
         curve_kind=f"nonic Bezier, approach, {tags - 1} pieces of the seam, retract",
         reference_point={"air_time": 12.0, "effort": 12.0, "movement": 25.0},
         instants={"tcp": _nodes(10), "tilt": _nodes(4), "snap-limit": _extremes(7)},
@@ -361,9 +353,7 @@ def _air_move(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstraint
         slower[inner:] *= s
         return slower
 
-    via_point = PointConstraint(
-        "via", lambda s: s.q, ((1, 0.0),), points[1], points[1], UNITS[0], JOINTS, "our choice", structural=True
-    )
+    via_point = standard.via_points(points[1], ((1, 0.0),), JOINTS, UNITS[0], "our choice")
     if case.rest_at_tags:
         via_point = _rest_constraint("via", (1, 0.0), points[1])
     return _problem(

@@ -87,7 +87,7 @@ def least_time(start: Array, end: Array, case: Case) -> float:
             for extreme, bound in zip(curve.extrema(order), bounds, strict=True)
         ):
             return float(duration)
-    return case.max_air_time
+    return float(case.max_air_time)
 
 
 def at_rest(q: Array) -> Array:

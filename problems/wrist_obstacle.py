@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from ocp_traj import standard
 from ocp_traj.bernstein import PiecewiseBezier
 from ocp_traj.case import check, choice, number, numbers
 from ocp_traj.chain import AxisJoint, LinkInertia
@@ -314,25 +315,13 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
 
 
 def _limits(case: ElHaiek2019, machine: Robot, spheres: Sequence[Obstacle]) -> list[PathConstraint]:
-    limits = []
-    for order, (name, eq, per) in enumerate(
-        (("position", "sect. 5", ""), ("velocity", "our choice", "/s"), ("acceleration", "our choice", "/s2"))
-    ):
-        low, high = getattr(machine.limits, name)
-        limits.append(
-            PathConstraint.on_derivative(f"{name}-limit", order, low, high, [u + per for u in UNITS], JOINTS, eq)
-        )
+    kinds = {"position": "sect. 5", "velocity": "our choice", "acceleration": "our choice"}
+    limits = list(standard.joint_limits(machine.limits, JOINTS, UNITS, kinds))
     if case.effort_limits:
         most = np.array(case.max_effort)
         limits.append(
-            PathConstraint(
-                "effort",
-                lambda s: machine.effort(s.q, s.v, s.a),
-                -most,
-                most,
-                machine.effort_units,
-                JOINTS,
-                "our choice",
+            standard.effort_limit(
+                lambda s: machine.effort(s.q, s.v, s.a), (-most, most), machine.effort_units, JOINTS, "our choice"
             )
         )
     near = [o for o in spheres if o.within_reach]
@@ -363,14 +352,8 @@ def _limits(case: ElHaiek2019, machine: Robot, spheres: Sequence[Obstacle]) -> l
 
 
 def _points(start: Array, goal: tuple[float, float]) -> tuple[PointConstraint, ...]:
-    rest = PointConstraint(
-        "rest", lambda s: casadi.vertcat(s.v, s.a), ((0, 0.0), (-1, 1.0)), np.zeros(6), np.zeros(6),
-        ("rad/s",) * 3 + ("rad/s2",) * 3, (*(f"v {j}" for j in JOINTS), *(f"a {j}" for j in JOINTS)),
-        "sect. 3", structural=True,
-    )  # fmt: skip
-    first = PointConstraint(
-        "start", lambda s: s.q, ((0, 0.0),), start, start, UNITS, JOINTS, "sect. 5", structural=True
-    )
+    rest = standard.rest(JOINTS, UNITS, eq="sect. 3")
+    first = standard.via_points(start, ((0, 0.0),), JOINTS, UNITS, "sect. 5", id="start")
     last = PointConstraint(
         "goal", lambda s: s.q[:2], ((-1, 1.0),), np.array(goal), np.array(goal), UNITS[:2], JOINTS[:2], "sect. 5",
         structural=True,

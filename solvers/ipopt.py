@@ -53,7 +53,7 @@ _STATUS = {
 _STOPPED = (Status.LOCALLY_INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT)  # perhaps at a feasible point
 
 
-class _AfterIteration(casadi.Callback):  # type: ignore[misc]  # casadi is untyped
+class _AfterIteration(casadi.Callback):
     """Called by IPOPT after each iteration, which it ends where the work should end; takes some 0.1 ms."""
 
     def __init__(self) -> None:

@@ -3,7 +3,8 @@
 from collections.abc import Iterable
 
 from ocp_traj.comparison import Comparison, Run
-from ocp_traj.problems import hybrid_spline, rotor_353
+from ocp_traj.problems import rotor_353
+from ocp_traj.reproductions import hybrid_spline_tables
 from ocp_traj.reproductions.weld_bezier_tables import TABLE_2
 
 
@@ -14,9 +15,9 @@ def numbers(*texts: str) -> set[float]:
 
 PRINTED: dict[str, dict[str, set[float]]] = {
     "hybrid-spline": {
-        "Table 5": numbers(hybrid_spline.TABLE_5_PRINTED),
-        "Table 6": numbers(hybrid_spline.TABLE_6_PRINTED),
-        "Table 8": numbers(hybrid_spline.TABLE_8_PRINTED),
+        "Table 5": numbers(hybrid_spline_tables.TABLE_5_PRINTED),
+        "Table 6": numbers(hybrid_spline_tables.TABLE_6_PRINTED),
+        "Table 8": numbers(hybrid_spline_tables.TABLE_8_PRINTED),
         "Figure 15": {0.0840, 0.0071, 0.2933},
         "Table 9": {3.093, 6.189, 3921.602, 1.068, 0.194},
         "Optimum": {3.093, 3.220},

@@ -60,7 +60,7 @@ def test_show_names_every_limit_with_bounds_unit_and_equation(call: Call) -> Non
     code, out, _ = call("show", "hybrid-spline", "--json")
     sheet = json.loads(out)
     assert code == 0
-    force = [row for row in sheet["limits"] if row["id"] == "force"]
+    force = [row for row in sheet["limits"] if row["id"] == "effort-limit"]
     assert [row["upper"] for row in force] == [500.0, 500.0, 500.0, 17.0, 17.0]
     assert {row["eq"] for row in sheet["limits"]} == {"(118)", "(119)", "(120)", "(121)", "(122)", "below (4)"}
     assert all(row["unit"] for row in sheet["limits"])
@@ -111,7 +111,7 @@ def test_payload_for_every_time_law_and_along_a_trajectory(call: Call, saved: Pa
     code, out, _ = call("payload", "hybrid-spline", "--json")
     found = json.loads(out)
     assert code == 0 and found["payload"] == pytest.approx(500.0 / 9.80665 - 38.475, abs=1e-9)  # F3 at rest
-    assert found["binding"] == "force F3" and found["instant"] == 0.0
+    assert found["binding"] == "effort-limit F3" and found["instant"] == 0.0
     target = tmp_path / "loaded.json"
     code, out, _ = call("payload", "hybrid-spline", "--along", saved, "--json", "-o", target)
     found = json.loads(out)
@@ -133,7 +133,7 @@ def test_audit_of_a_violated_trajectory_exits_1_and_says_where(call: Call, tmp_p
     heavy = trajectory_of(problem, hybrid_spline.TABLE_7).save(tmp_path / "heavy.json")
     code, _, err = call("audit", heavy)
     assert code == 1
-    assert re.search(r"force F3 violated: -501.*t = 0.33", one_line(err))
+    assert re.search(r"effort-limit F3 violated: -501.*t = 0.33", one_line(err))
 
 
 def test_pareto_writes_a_run_and_never_overwrites_it(call: Call, tmp_path: Path) -> None:
@@ -270,14 +270,14 @@ def test_a_trajectory_of_no_problem_needs_limits(call: Call, saved: Path, tmp_pa
 
 def test_a_payload_no_time_law_can_carry_exits_1_and_names_f3(call: Call, tmp_path: Path) -> None:
     code, out, err = call("solve", "hybrid-spline", "--set", "payload=12.6", "--json")
-    assert code == 1 and "force F3" in one_line(err) and "-500" in err
+    assert code == 1 and "effort-limit F3" in one_line(err) and "-500" in err
     found: dict[str, Any] = json.loads(out)
     assert found["status"] == "infeasible" and found["conflicts"][0]["label"] == "F3"
     assert found["conflicts"][0]["excess"] == pytest.approx((38.475 + 12.6) * 9.80665 - 500.0, abs=1e-6)
     code, out, err = call(
         "pareto", "hybrid-spline", "--objectives", "time,energy", "--set", "payload=12.6", "-o", tmp_path / "run"
     )
-    assert code == 1 and "force F3" in one_line(err)
+    assert code == 1 and "effort-limit F3" in one_line(err)
     assert not (tmp_path / "run").exists()
 
 

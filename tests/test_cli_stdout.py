@@ -39,7 +39,7 @@ def test_exporting_the_folder_one_stands_in_needs_no_name(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert run(["export", ".", "--format", "csv"]) == 2
-    assert capfd.readouterr().err.startswith("error: cannot read the front file")
+    assert capfd.readouterr().err.startswith("error: cannot read the run file")
 
 
 def test_an_error_is_a_json_object_where_json_was_asked_for(capfd: pytest.CaptureFixture[str]) -> None:

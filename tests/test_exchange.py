@@ -136,7 +136,7 @@ def test_least_time_is_feasible_by_a_scan_that_shares_nothing_with_the_solver(fa
     assert fastest.trajectory is not None
     found = excesses(fastest.trajectory.to_dict())
     assert not broken(found)
-    assert max(found["velocity-limit"], found["force"]) >= -1e-6  # and used up, as it must be at the least time
+    assert max(found["velocity-limit"], found["effort-limit"]) >= -1e-6  # and used up, as it must be at the least time
 
 
 def test_least_time_is_proved_in_few_rounds_with_few_rows(fastest: Solution) -> None:
@@ -266,11 +266,11 @@ def test_a_payload_too_heavy_is_reported_with_the_force_it_takes() -> None:
     assert solution.status is Status.LOCALLY_INFEASIBLE
     assert not solution.ok
     worst = solution.conflicts[0]
-    assert (worst.row.limit, worst.row.label, worst.bound) == ("force", "F3", pytest.approx(-500.0, rel=1e-6))
+    assert (worst.row.limit, worst.row.label, worst.bound) == ("effort-limit", "F3", pytest.approx(-500.0, rel=1e-6))
     static = (sum(mass for mass, _, _ in LINKS[1:]) + 13.0) * G - 500.0
     assert worst.excess >= static - 1e-3
     assert worst.value == pytest.approx(-500.0 - worst.excess, rel=1e-6)
-    assert "force F3" in solution.explain()
+    assert "effort-limit F3" in solution.explain()
 
 
 def test_a_bound_no_trajectory_meets_is_named_beside_what_stops_it() -> None:

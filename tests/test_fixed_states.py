@@ -39,7 +39,7 @@ def test_fixed_rows_of_the_hybrid_robot_are_all_but_those_of_jerk(hybrid: Proble
 def test_fixed_forces_equal_pinocchios_at_rest(hybrid: Problem, payload: float) -> None:
     machine = HybridRobot(payload)
     for fixed in fixed_values(hybrid):
-        if fixed.limit.id == "force":
+        if fixed.limit.id == "effort-limit":
             via = hybrid.requirements.point_constraints[1].lower
             q = via[0] if fixed.instant == 0.0 else via[-1]
             expected = machine.effort(q, np.zeros(5), np.zeros(5))[fixed.row]
@@ -49,12 +49,12 @@ def test_fixed_forces_equal_pinocchios_at_rest(hybrid: Problem, payload: float) 
 def test_a_payload_of_13_kg_is_too_heavy_for_the_lift_by_what_statics_says() -> None:
     """F3 = -(38.475 + m_p) g at rest, 500 N allowed."""
     (conflict,) = fixed_conflicts(problems.load("hybrid-spline", payload=13.0))
-    assert (conflict.row.limit, conflict.row.label, conflict.row.unit) == ("force", "F3", "N")
+    assert (conflict.row.limit, conflict.row.label, conflict.row.unit) == ("effort-limit", "F3", "N")
     assert MOVED_BY_F3 == pytest.approx(38.475, abs=1e-12)
     assert conflict.value == pytest.approx(-(MOVED_BY_F3 + 13.0) * G, rel=1e-13)
     assert conflict.bound == -500.0
     assert conflict.excess == pytest.approx((MOVED_BY_F3 + 13.0) * G - 500.0, rel=1e-10)
-    assert "force F3" in str(conflict)
+    assert "effort-limit F3" in str(conflict)
 
 
 def test_the_largest_static_payload_is_12_5108_kg() -> None:

@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 from ocp_traj import problems
 from ocp_traj.errors import InputError
 from ocp_traj.problem import Problem
+from ocp_traj.problems import hybrid_robot
 from ocp_traj.problems import hybrid_spline as paper
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import trajectory_of
@@ -56,9 +57,9 @@ def test_inverse_kinematics_undoes_forward_kinematics() -> None:
     axis[:, 2] = np.abs(axis[:, 2])
     axis /= np.linalg.norm(axis, axis=1)[:, None]
     position = rng.uniform([0.4, -0.25, 0.9], [1.2, 0.25, 1.3], size=(2000, 3))
-    joints = paper.inverse_kinematics(position, axis)
+    joints = hybrid_robot.inverse_kinematics(position, axis)
     q = ca.SX.sym("q", 5)
-    pose = ca.Function("pose", [q], list(paper.robot().tool_pose(q)))
+    pose = ca.Function("pose", [q], list(hybrid_robot.robot().tool_pose(q)))
     machine = HybridRobot()
     for p, a, found in zip(position, axis, joints, strict=True):
         for rotation, origin in ((np.array(part) for part in pose(found)), machine.tool_pose(found)):
@@ -85,7 +86,7 @@ def test_the_path_is_equation_156() -> None:
 
 def test_a_position_beyond_the_yaw_range_is_refused() -> None:
     with pytest.raises(InputError, match="out of reach, its yaw lies beyond"):
-        paper.inverse_kinematics([0.8, 0.35, 1.1], [0.0, 0.0, 1.0])
+        hybrid_robot.inverse_kinematics([0.8, 0.35, 1.1], [0.0, 0.0, 1.0])
 
 
 # --- dynamics ---
@@ -96,7 +97,7 @@ def test_a_position_beyond_the_yaw_range_is_refused() -> None:
 def test_forces_equal_pinocchios_through_the_actuator_map(convention: str, payload: float) -> None:
     problem = problems.load("hybrid-spline", convention=convention, payload=payload)
     machine = HybridRobot(payload, literal=convention == "paper-literal")
-    force = next(limit for limit in problem.requirements.path_constraints if limit.id == "force")
+    force = next(limit for limit in problem.requirements.path_constraints if limit.id == "effort-limit")
     function = problem.requirements.function(force)
     rng = np.random.default_rng(1)
     for _ in range(200):
@@ -108,11 +109,11 @@ def test_forces_equal_pinocchios_through_the_actuator_map(convention: str, paylo
 
 def test_the_two_conventions_differ_by_where_the_payload_pulls() -> None:
     """Where the tool's axis points straight down a weight and a force along it are one."""
-    q = paper.inverse_kinematics([0.8, 0.05, 1.1], [0.0, 0.0, 1.0])[0]
+    q = hybrid_robot.inverse_kinematics([0.8, 0.05, 1.1], [0.0, 0.0, 1.0])[0]
     heavy, literal = HybridRobot(10.0), HybridRobot(10.0, literal=True)
     zero = np.zeros(5)
     assert_allclose(heavy.effort(q, zero, zero), literal.effort(q, zero, zero), atol=1e-9)
-    tilted = paper.inverse_kinematics([0.8, 0.05, 1.1], [0.6, 0.0, 0.8])[0]
+    tilted = hybrid_robot.inverse_kinematics([0.8, 0.05, 1.1], [0.6, 0.0, 0.8])[0]
     assert np.abs(heavy.effort(tilted, zero, zero) - literal.effort(tilted, zero, zero)).max() > 10.0
 
 
@@ -229,7 +230,7 @@ def test_limits_are_table_2(hybrid: Problem) -> None:
         ("velocity-limit", [0.25, 0.25, 0.25, 1.96, 1.96]),
         ("acceleration-limit", [5.0, 5.0, 5.0, 60.0, 60.0]),
         ("jerk-limit", [100.0, 100.0, 100.0, 1200.0, 1200.0]),
-        ("force", FORCE),
+        ("effort-limit", FORCE),
     ):
         assert_allclose(limits[name].upper, bound, rtol=1e-15)
         assert_allclose(limits[name].lower, -np.array(bound), rtol=1e-15)
@@ -239,9 +240,17 @@ def test_limits_are_table_2(hybrid: Problem) -> None:
 
 
 def test_constants_of_the_module_are_table_1_and_table_4() -> None:
-    assert (paper.L1, paper.L2, paper.L3, paper.L4, paper.L5, paper.L01, paper.GRAVITY) == (L1, L2, L3, L4, L5, L01, G)
-    assert paper.LP == pytest.approx(-0.068137, abs=5e-7)
-    for (mass, inertia, centre), (m, (xx, yy, zz, xy, xz, yz), c) in zip(paper.TABLE_4, LINKS, strict=True):
+    assert (
+        hybrid_robot.L1,
+        hybrid_robot.L2,
+        hybrid_robot.L3,
+        hybrid_robot.L4,
+        hybrid_robot.L5,
+        hybrid_robot.L01,
+        hybrid_robot.GRAVITY,
+    ) == (L1, L2, L3, L4, L5, L01, G)
+    assert hybrid_robot.LP == pytest.approx(-0.068137, abs=5e-7)
+    for (mass, inertia, centre), (m, (xx, yy, zz, xy, xz, yz), c) in zip(hybrid_robot.TABLE_4, LINKS, strict=True):
         assert (mass, tuple(float(x) for x in centre)) == (m, c)
         assert inertia == ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
 

@@ -40,7 +40,8 @@ HEAVY = ("air move, rest",)
 # Limits with symmetric bounds that the audit and this code measure alike.
 SYMMETRIC = {
     *("velocity-limit", "acceleration-limit", "jerk-limit", "snap-limit"),
-    *("effort-limit", "effort", "force", "torque", "yaw"),
+    "effort-limit",
+    "yaw",
 }
 
 
@@ -110,9 +111,9 @@ BROKEN: list[tuple[str, str, Change]] = [
     ("hybrid", "velocity-limit", timed(0.5)),
     ("hybrid", "acceleration-limit", timed(0.1)),
     ("hybrid", "jerk-limit", timed(0.1)),
-    ("hybrid", "force", put("case", payload=12.0)),
-    ("hybrid, literal", "force", put("case", payload=14.0)),
-    ("hybrid, free payload", "force", put("parameters", payload=12.0)),
+    ("hybrid", "effort-limit", put("case", payload=12.0)),
+    ("hybrid, literal", "effort-limit", put("case", payload=14.0)),
+    ("hybrid, free payload", "effort-limit", put("parameters", payload=12.0)),
     ("hybrid", "yaw", moved(1, 0.4)),
     ("hybrid", "rest", moved(2, 1e-7, 0, (1, 2))),
     ("hybrid", "rest", moved(3, 1e-7, 11, (1,))),
@@ -148,7 +149,7 @@ BROKEN: list[tuple[str, str, Change]] = [
     ("wrist", "position-limit", put("case", max_position=(2.0, 3.0, 3.0))),
     ("wrist", "velocity-limit", timed(0.9)),
     ("wrist", "acceleration-limit", put("case", max_acceleration=(10.0, 10.0, 9.0))),
-    ("wrist, effort", "effort", put("case", max_effort=(1.0, 0.5, 0.2))),
+    ("wrist, effort", "effort-limit", put("case", max_effort=(1.0, 0.5, 0.2))),
     ("wrist", "obstacles", put("case", obstacles=((0.5, 0.5, 0.0, 0.6),))),
     ("wrist", "obstacles", put("case", link_radius=0.15)),
     ("wrist, best", "obstacles", put("parameters", clearance=0.1)),
@@ -176,8 +177,8 @@ BROKEN: list[tuple[str, str, Change]] = [
     ("air move", "acceleration-limit", timed(0.3)),
     ("air move", "jerk-limit", timed(0.6)),
     ("air move", "snap-limit", timed(0.6)),
-    ("air move", "torque", put("case", payload=700.0)),
-    ("air move", "torque", lambda data: (put("case", payload=5000.0, as_printed=True)(data), timed(0.1)(data))[0]),
+    ("air move", "effort-limit", put("case", payload=700.0)),
+    ("air move", "effort-limit", lambda d: (put("case", payload=5000.0, as_printed=True)(d), timed(0.1)(d))[0]),
     ("air move", "start", moved(0, 1e-7, 0, (4,))),
     ("air move", "via", moved(0, 1e-8, 1, (0,))),
     ("air move", "via", put("case", rest_at_tags=True)),
@@ -248,7 +249,7 @@ TIGHT: list[tuple[str, str, Data]] = [
     ("acceleration", "acceleration-limit", {"limit": [5.773, 90.0, 90.0]}),
     ("jerk", "jerk-limit", {"limit": [59.9, 900.0, 900.0]}),
     ("snap", "snap-limit", {"limit": [359.9, 9e3, 9e3]}),
-    ("effort", "force", {"limit": [60.0, 23.0, 14.0]}),
+    ("effort", "effort-limit", {"limit": [60.0, 23.0, 14.0]}),
     ("tool", "tool-box", {"upper": [np.inf, np.inf, 0.55]}),
     ("rest", "rest", {"order": 3}),
 ]

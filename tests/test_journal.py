@@ -5,8 +5,8 @@ import json
 import os
 import resource
 import zlib
-from collections.abc import Callable, Iterator
-from contextlib import closing
+from collections.abc import Callable
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -25,16 +25,10 @@ def path(tmp_path: Path) -> Path:
     return target
 
 
-@pytest.fixture
-def journal(path: Path) -> Iterator[Journal]:
-    with closing(Journal(path)) as opened:
-        yield opened
-
-
 def add(path: Path, *found: dict[str, Any]) -> None:
-    with closing(Journal(path)) as journal:
-        for record in found:
-            journal.append(record)
+    journal = Journal(path)
+    for record in found:
+        journal.append(record)
 
 
 def test_records_come_back_to_the_last_bit_and_lines_are_json_with_a_running_checksum(path: Path) -> None:
@@ -74,35 +68,33 @@ def test_a_last_record_of_which_lost_power_left_zeros_is_dropped(path: Path, zer
     assert records(path) == THREE
 
 
-class Filling:
+class Filling(FileIO):
     """A file on a disk that takes half of what is written, and then nothing."""
 
-    def __init__(self, file: Any) -> None:
-        self.file, self.writes = file, 0
+    full = False
 
-    def write(self, data: bytes) -> int:
-        self.writes += 1
-        if self.writes > 1:
+    def write(self, data: Any) -> int:
+        if self.full:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return int(self.file.write(data[: len(data) // 2]))
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.file, name)
+        self.full = True
+        return super().write(data[: len(data) // 2])
 
 
-def test_a_full_disk_loses_the_record_that_did_not_fit_and_no_other(path: Path, journal: Journal) -> None:
-    file = journal._file
-    journal._file = Filling(file)  # type: ignore[assignment]
-    with pytest.raises(FileFormatError, match=r"cannot write .*journal.jsonl: No space left on device; what it holds"):
-        journal.append({"kind": "d"})
+def test_a_full_disk_loses_the_record_that_did_not_fit_and_no_other(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    journal = Journal(path)
+    with monkeypatch.context() as patch:
+        patch.setattr("ocp_traj.journal.open", lambda path, mode, **_: Filling(path, mode), raising=False)
+        with pytest.raises(FileFormatError, match="cannot write .*journal.jsonl: No space left on device; what it"):
+            journal.append({"kind": "d"})
     assert records(path) == THREE and not path.read_bytes().endswith(b"\n")
-    journal._file = file  # there is room again
-    journal.append({"kind": "e"})
+    journal.append({"kind": "e"})  # there is room again
     assert records(path) == [*THREE, {"kind": "e"}]
 
 
-def test_a_limit_on_the_size_of_files_is_a_full_disk(path: Path, journal: Journal) -> None:
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+def test_a_limit_on_the_size_of_files_is_a_full_disk(path: Path) -> None:
+    journal, limits = Journal(path), resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 20, limits[1]))
     try:
         with pytest.raises(FileFormatError, match="cannot write .*File too large"):
@@ -114,9 +106,9 @@ def test_a_limit_on_the_size_of_files_is_a_full_disk(path: Path, journal: Journa
     assert records(path) == [*THREE, {"kind": "e"}]
 
 
-def test_a_record_that_could_not_be_synced_does_not_count(
-    path: Path, journal: Journal, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_record_that_could_not_be_synced_does_not_count(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    journal = Journal(path)
+
     def fail(handle: int) -> None:
         raise OSError(errno.EIO, os.strerror(errno.EIO))
 

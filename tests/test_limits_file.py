@@ -47,16 +47,16 @@ def test_the_foreign_example_is_proved(foreign: Trajectory) -> None:
     requirements = read_requirements(FOREIGN / "limits.toml")
     checked = audit(foreign, requirements)
     assert checked.proved
-    paths = ["position-limit", "velocity-limit", "acceleration-limit", "jerk-limit", "force", "tool-box"]
+    paths = ["position-limit", "velocity-limit", "acceleration-limit", "jerk-limit", "effort-limit", "tool-box"]
     points = ["rest", "continuity of q", "continuity of v", "continuity of a"]
     assert [row.limit for row in checked.rows] == [limit for limit in (*paths, *points) for _ in range(3)]
-    assert {row.label for row in checked.rows if row.limit == "force"} == {"tau_A1", "tau_A2", "tau_A3"}
+    assert {row.label for row in checked.rows if row.limit == "effort-limit"} == {"tau_A1", "tau_A2", "tau_A3"}
 
 
 def test_the_tight_limits_are_violated_where_they_say(foreign: Trajectory) -> None:
     checked = audit(foreign, read_requirements(FOREIGN / "limits_tight.toml"))
     assert checked.verdict == VIOLATED
-    assert {(row.limit, row.label) for row in checked.failures} == {("force", "tau_A2"), ("tool-box", "z")}
+    assert {(row.limit, row.label) for row in checked.failures} == {("effort-limit", "tau_A2"), ("tool-box", "z")}
 
 
 # --- against other ways to the same numbers ---
@@ -78,7 +78,7 @@ def test_effort_and_tool_equal_pinocchio_on_dense_samples(foreign: Trajectory) -
         return np.array(rows)
 
     checked = audit(foreign, read_requirements(FOREIGN / "limits.toml"), tightness=1e-7)
-    rows = [row for row in checked.rows if row.limit in ("force", "tool-box")]
+    rows = [row for row in checked.rows if row.limit in ("effort-limit", "tool-box")]
     dense = values(np.linspace(0.0, foreign.duration, 8001))
     missed = np.abs(np.diff(dense, 2, axis=0)).max(axis=0)  # a peak between samples is higher by an eighth of this
     scale = np.array([60.0, 60.0, 25.0, 1.0, 0.8, 0.5])  # half the ranges of the limits
@@ -112,7 +112,7 @@ def table_7(hybrid: Problem) -> Trajectory:
 
 def unlabelled(rows: tuple[AuditRow, ...], leave_out: tuple[str, ...] = ()) -> list[AuditRow]:
     kept = [row for row in rows if row.limit not in leave_out]
-    return [replace(row, label="") if row.limit == "force" else row for row in kept]
+    return [replace(row, label="") if row.limit == "effort-limit" else row for row in kept]
 
 
 def test_the_hybrid_splines_limits_give_the_audit_of_its_problem(
@@ -121,7 +121,7 @@ def test_the_hybrid_splines_limits_give_the_audit_of_its_problem(
     requirements = read_requirements(write(tmp_path, hybrid_toml()))
     ours, theirs = audit(table_7, requirements), audit(table_7, hybrid.requirements)
     assert unlabelled(ours.rows, ("parameter",)) == unlabelled(theirs.rows, ("yaw", "via"))
-    force = [row.label for row in ours.rows if row.limit == "force"]
+    force = [row.label for row in ours.rows if row.limit == "effort-limit"]
     assert force == ["F_X_S1", "F_X_S2", "F_X_S3", "tau_phi_4", "tau_phi_5"]
 
 
@@ -188,10 +188,10 @@ def test_nothing_is_checked_that_is_not_asked_for(tmp_path: Path) -> None:
 def test_the_urdfs_limits_fill_in_only_where_asked(tmp_path: Path) -> None:
     requirements = read_requirements(write(tmp_path, HEAD + VELOCITY + URDF + "limits = true\n"))
     limits = {limit.id: limit for limit in requirements.path_constraints}
-    assert list(limits) == ["position-limit", "velocity-limit", "force"]
+    assert list(limits) == ["position-limit", "velocity-limit", "effort-limit"]
     assert limits["position-limit"].upper.tolist() == [2.9, 1.6, 2.2]
     assert limits["velocity-limit"].upper.tolist() == [2.0, 1.5, 2.0]  # the file's, not the URDF's 2.5, 2, 3
-    assert limits["force"].lower.tolist() == [-60.0, -60.0, -25.0]
+    assert limits["effort-limit"].lower.tolist() == [-60.0, -60.0, -25.0]
 
 
 def test_limits_of_a_urdf_that_are_unsound_matter_only_where_asked_for(tmp_path: Path) -> None:

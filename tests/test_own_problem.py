@@ -1,6 +1,7 @@
 """A problem that is in no registry can do what a registered one can."""
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import casadi
@@ -8,12 +9,15 @@ import numpy as np
 import pytest
 
 import ocp_traj as ot
+from ocp_traj import registry
+from ocp_traj.cli import run
 from ocp_traj.errors import InputError
 from ocp_traj.export import trajectory_table
 from ocp_traj.problem import Problem
 from ocp_traj.requirements import PathConstraint, Requirements
 from ocp_traj.screen import problem_sheet
 from ocp_traj.trajectory import case_fields
+from tests import fifth_paper
 from tests.closed_form import Quintic, quintic_problem
 
 
@@ -71,3 +75,47 @@ def _with(problem: Problem, *limits: PathConstraint) -> Problem:
     old = problem.requirements
     more = (*limits, *(replace(limit) for limit in old.path_constraints))
     return replace(problem, requirements=Requirements(old.joints, old.joint_units, more, old.point_constraints))
+
+
+# --- registered by a user ---
+
+
+@pytest.fixture
+def fifth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A paper's file, registered for one test."""
+    monkeypatch.setattr(registry, "_registered", {})
+    ot.register("fifth-paper", fifth_paper.build, fifth_paper.Case)
+
+
+def test_another_paper_is_one_file_and_one_line(fifth: None, tmp_path: Path, capsys: Any) -> None:
+    assert ot.problems.names()[-1] == "fifth-paper"
+    assert run(["solve", "fifth-paper", "--set", "goal=0.1,0.1", "-o", str(tmp_path / "t.json")]) == 0
+    assert run(["audit", str(tmp_path / "t.json")]) == 0
+    assert run(["problems", "--json"]) == 0 and "hand movements of least jerk" in capsys.readouterr().out
+    assert run(["export", str(tmp_path / "t.json"), "--format", "csv"]) == 0
+    assert "x jerk [m/s3]" in (tmp_path / "t.export.csv").read_text()
+    problem = ot.problems.load("fifth-paper")
+    case = problem.case
+    exact = 0.5 * 720.0 * float(np.sum(np.subtract(case.goal, case.start) ** 2)) / case.duration**5
+    assert ot.solve(problem).objectives["jerk"] == pytest.approx(exact, rel=1e-8)
+    with pytest.raises(InputError, match="fifth-paper: goal is 'a,b'; give 2 numbers"):
+        ot.problems.load("fifth-paper", goal="a,b")
+    with pytest.raises(InputError, match="duration is -1.0 s; give a finite number above zero"):
+        ot.problems.load("fifth-paper", duration=-1.0)
+    with pytest.raises(InputError, match="there is a problem 'fifth-paper' already"):
+        ot.register("fifth-paper", fifth_paper.build, fifth_paper.Case)
+
+
+def test_problems_of_other_packages_appear_by_their_entry_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "_of_other_packages", lambda: {"fifth-paper": "tests.fifth_paper"})
+    assert "fifth-paper" in ot.problems.names()
+    assert type(ot.problems.load("fifth-paper").case) is fifth_paper.FlashHogan1985
+    assert registry.GROUP == "ocp_traj.problems"
+
+
+def test_public_names_are_all_there() -> None:
+    for name in ot._PUBLIC:
+        assert getattr(ot, name) is not None
+    assert {"Problem", "Variable", "Objective", "PathConstraint", "PointConstraint", "standard", "audit"} <= set(
+        dir(ot)
+    )

@@ -133,7 +133,7 @@ def test_every_row_of_every_path_limit_has_an_axis(problem: Problem, figures: li
     assert len(titles) == 5 * 5 + 1
     assert "X_S1 [m/s²]" in titles and "phi_4 [rad/s³]" in titles and "tau5 [N m]" in titles
     names = [axes.get_ylabel() for axes in visible(figures[0]) if axes.get_ylabel()]
-    assert names == ["position-limit", "velocity-limit", "acceleration-limit", "jerk-limit", "force", "yaw"]
+    assert names == ["position-limit", "velocity-limit", "acceleration-limit", "jerk-limit", "effort-limit", "yaw"]
     assert title(figures[0]) == "hybrid-spline, 6.19 s; payload 10"
     jerk = next(axes for axes in visible(figures[0]) if axes.get_title(loc="left") == "X_S1 [m/s³]")
     assert jerk.get_title(loc="right") == "limit ±100" and drawn_bounds(jerk) == []

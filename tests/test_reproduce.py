@@ -11,8 +11,10 @@ from ocp_traj import problems
 from ocp_traj.comparison import Comparison, Sheet, compare, half_unit, rounding_effect
 from ocp_traj.errors import InputError, UnknownName
 from ocp_traj.problem import Problem
+from ocp_traj.problems import hybrid_robot
 from ocp_traj.problems import hybrid_spline as paper
 from ocp_traj.reproduce import Reproduction, names, reproduce
+from ocp_traj.reproductions import hybrid_spline_tables as tables
 from ocp_traj.reproductions.hybrid_spline import optimum, payloads, reported
 from ocp_traj.reproductions.hybrid_spline_errata import (
     MISPRINTS,
@@ -118,7 +120,7 @@ def test_a_number_the_paper_does_not_print_is_expected_and_not_the_papers() -> N
 
 def test_inverse_kinematics_gives_every_via_point_of_table_6(sheet: Sheet) -> None:
     assert verdicts(sheet, "Table 6", "erratum") == {"row 3 X_S3", "row 6 X_S3", "row 12 z"}
-    extra = {f"row {number} {joint}" for number in (2, 12) for joint in paper.JOINTS}
+    extra = {f"row {number} {joint}" for number in (2, 12) for joint in hybrid_robot.JOINTS}
     assert verdicts(sheet, "Table 6", "differs") == extra  # they follow from the intervals
 
 
@@ -137,7 +139,7 @@ def test_tool_positions_of_table_8_are_of_joints_rounded_to_four_decimals(sheet:
     positions = [c for c in sheet.comparisons if c.table == "Table 8" and c.item[-1] in "xyz"]
     gaps = np.array([abs(c.ours - c.paper) for c in positions])
     assert len(gaps) == 39 and gaps.max() < 0.00054 and (gaps <= 0.0005).sum() == 38  # [mm], printed to 0.001
-    printed = np.array([[float(text) for text in row[6:]] for row in lines(paper.TABLE_8_PRINTED).values()])
+    printed = np.array([[float(text) for text in row[6:]] for row in lines(tables.TABLE_8_PRINTED).values()])
     exact = tool_positions(paper.via_points(paper.Guo2016()))
     assert np.abs(np.delete(printed, [1, 11], axis=0) - exact).max() > 0.06  # [mm]: not rounded, they do not agree
 
@@ -165,8 +167,10 @@ def test_table_9_follows_from_table_7_in_the_paper_literal_convention(sheet: She
 
 
 def test_turns_of_table_3_are_the_models() -> None:
-    model = paper.robot().model
-    for inertia, turns, (mass, about_centre, _) in zip(list(model.inertias)[2:], TURNS, paper.TABLE_4, strict=True):
+    model = hybrid_robot.robot().model
+    for inertia, turns, (mass, about_centre, _) in zip(
+        list(model.inertias)[2:], TURNS, hybrid_robot.TABLE_4, strict=True
+    ):
         rotation = turned(*turns)
         assert inertia.mass == mass
         assert inertia.inertia == approx(rotation @ np.array(about_centre) @ rotation.T * 1e-6, rel=1e-9, abs=1e-12)
@@ -174,8 +178,8 @@ def test_turns_of_table_3_are_the_models() -> None:
 
 def test_printed_tables_hold_the_corrected_ones() -> None:
     """Table 6 as printed is Table 6 as used, but for rows 2, 12 and one digit; Table 8 repeats it."""
-    six = {k: row[:5] for k, row in lines(paper.TABLE_6_PRINTED).items() if k not in (2, 12)}
-    eight = {k: row[1:6] for k, row in lines(paper.TABLE_8_PRINTED).items() if k not in (2, 12)}
+    six = {k: row[:5] for k, row in lines(tables.TABLE_6_PRINTED).items() if k not in (2, 12)}
+    eight = {k: row[1:6] for k, row in lines(tables.TABLE_8_PRINTED).items() if k not in (2, 12)}
     assert six == eight
     gaps = np.array([[float(text) for text in row] for row in six.values()]) - np.array(paper.TABLE_6)
     assert np.argwhere(np.abs(gaps) > 1e-9).tolist() == [[4, 2]] and gaps[4, 2] == approx(-3.0)
@@ -202,7 +206,7 @@ def test_payload_and_sum_of_energies_are_the_nearest_readings(hybrid: Problem, l
 def test_tool_cannot_point_along_the_tangent() -> None:
     """The paper's o and n by the model's forward kinematics at Table 6's joints, against the chord of neighbours."""
     q, symbols = paper.via_points(paper.Guo2016()), casadi.SX.sym("q", 5)
-    rotation, position = paper.robot().tool_pose(symbols)
+    rotation, position = hybrid_robot.robot().tool_pose(symbols)
     pose = casadi.Function("pose", [symbols], [rotation[:, 0], rotation[:, 1], position])
     n, o, p = (np.array(part).T for part in pose.map(len(q))(q.T))
     chord = (p[2:] - p[:-2]) / np.linalg.norm(p[2:] - p[:-2], axis=1)[:, None]  # a parabola: along its tangent

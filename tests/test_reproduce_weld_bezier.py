@@ -106,7 +106,7 @@ def test_objectives_and_limits_name_where_the_text_has_them() -> None:
     at = {o.id: o.eq for o in problem.objectives}
     assert (at["effort"], at["movement"], at["air_time"]) == ("(1)", "sect. III-A", "sect. I")
     limits = {limit.id: limit.eq for limit in problem.requirements.path_constraints}
-    assert (limits["position-limit"], limits["snap-limit"], limits["torque"]) == ("(20)", "Table 3", "(25)")
+    assert (limits["position-limit"], limits["snap-limit"], limits["effort-limit"]) == ("(20)", "Table 3", "(25)")
 
 
 def test_more_than_half_of_the_cells_are_beyond_the_limits() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from ocp_traj.errors import InputError
 from ocp_traj.journal import Journal, records
-from ocp_traj.run_folder import RunFolder, check_target
+from ocp_traj.run_folder import EARLIER, RunFolder, check_target
 
 PROVED = {"kind": "solve", "points": [{"x": [1.0], "verdict": "proved"}]}
 UNPROVED = {"kind": "population", "points": [{"x": [1.0]}]}
@@ -38,7 +38,6 @@ def write_new(root: Path, *found: dict[str, Any]) -> RunFolder:
     (root / "run.json").write_text("new")
     for record in found:
         journal.append(record)
-    journal.close()
     return folder
 
 
@@ -96,7 +95,7 @@ def test_a_run_that_came_first_is_not_replaced_without_force(tmp_path: Path, mon
 def test_a_run_without_a_point_brings_the_earlier_back(earlier: Path) -> None:
     before = contents(earlier)
     folder = write_new(earlier, UNPROVED)
-    assert contents(earlier / "earlier") == {k: v for k, v in before.items() if k != "notes.txt"}
+    assert contents(earlier / EARLIER) == {k: v for k, v in before.items() if k != "notes.txt"}
     folder.discard()
     folder.discard()  # the second time there is nothing to do
     assert contents(earlier) == before
@@ -160,7 +159,7 @@ def test_killed_at_any_moment_after_a_point_the_new_run_is_there(earlier: Path) 
         assert records(root / "journal.jsonl") == [PROVED]
         RunFolder(root, force=True).discard()
         assert records(root / "journal.jsonl") == [PROVED] and (root / "run.json").read_text() == "new"
-        assert not (root / "earlier").exists()
+        assert not (root / EARLIER).exists()
 
 
 def test_an_interrupt_while_the_earlier_run_is_set_aside_brings_it_back(
@@ -186,7 +185,7 @@ def test_an_interrupt_while_the_earlier_run_is_set_aside_brings_it_back(
 
 def test_a_folder_that_is_no_run_is_refused_and_kept(tmp_path: Path) -> None:
     precious = tmp_path / "thesis"
-    for name in ("chapter.tex", "front.csv", "journal.jsonl", "earlier/draft.tex"):
+    for name in ("chapter.tex", "front.csv", "journal.jsonl", "earlier/run.json"):
         (precious / name).parent.mkdir(parents=True, exist_ok=True)
         (precious / name).write_text("all my work")
         before = contents(precious)

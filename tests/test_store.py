@@ -1,7 +1,6 @@
 import json
 import shutil
 from collections.abc import Callable
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -80,9 +79,9 @@ def files(folder: Path) -> list[str]:
 def write_journal(folder: Path, *found: Any) -> None:
     """A journal of these records, with sound checksums."""
     (folder / "journal.jsonl").unlink(missing_ok=True)
-    with closing(Journal(folder / "journal.jsonl")) as journal:
-        for record in found:
-            journal.append(record)
+    journal = Journal(folder / "journal.jsonl")
+    for record in found:
+        journal.append(record)
 
 
 def edit_json(path: Path, change: Edit) -> None:

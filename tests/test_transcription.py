@@ -127,7 +127,7 @@ def test_few_instants_are_enough_for_the_degree_and_shared_at_smooth_knots(hybri
     assert count["acceleration-limit"] == 12 + 1
     assert count["velocity-limit"] == 12 * 2 + 1
     assert count["position-limit"] == 12 * 2 + 1
-    assert count["force"] == 12 * 2 + 1
+    assert count["effort-limit"] == 12 * 2 + 1
 
 
 def test_uniform_instants_share_a_knot_only_where_the_limit_is_continuous() -> None:

@@ -231,7 +231,7 @@ def test_efforts_are_pinocchios() -> None:
     """Cylinders of 1.2 and 0.8 kg, a rod of 0.25 kg and 0.2 m, and 0.30 kg at its tip."""
     machine = WristRobot()
     problem = problems.load("wrist-obstacle", branch="0", effort_limits=True)
-    (limit,) = [c for c in problem.requirements.path_constraints if c.id == "effort"]
+    (limit,) = [c for c in problem.requirements.path_constraints if c.id == "effort-limit"]
     assert_allclose(limit.upper, [1.0, 2.0, 0.2])
     for seed in range(5):
         moving = trajectory_of(problem, random_x(problem, seed))
@@ -425,7 +425,7 @@ def test_limits_on_efforts_bind_and_are_proved() -> None:
     solution = solve(problem, starts=2)
     assert solution.audit is not None and solution.audit.proved
     check(problem, solution.x)
-    (row,) = [row for row in solution.audit.rows if (row.limit, row.label) == ("effort", "theta1")]
+    (row,) = [row for row in solution.audit.rows if (row.limit, row.label) == ("effort-limit", "theta1")]
     assert row.margin < 1e-6 and solution.f > BLOCKED + 1e-3
     assert solve(problems.load("wrist-obstacle", **plain), starts=1).f == approx(BLOCKED, abs=1e-7)
 

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from ocp_traj.comparison import Erratum
 from ocp_traj.evaluate import limit_on
 from ocp_traj.problem import Problem
+from ocp_traj.problems import hybrid_robot
 from ocp_traj.problems import hybrid_spline as paper
+from ocp_traj.reproductions import hybrid_spline_tables as tables
 from ocp_traj.solvers.payload import static_bound
 from ocp_traj.symbolic import evaluate_objectives
 from ocp_traj.trajectory import Trajectory, trajectory_of
@@ -46,11 +48,11 @@ def equation_errata(physical: Problem, literal: Problem) -> tuple[Erratum, ...]:
     (forces, energy), (light, heavy) = energies(literal), energies(physical)
     off = tangent_angles()
     jerk = evaluate_objectives(physical, paper.TABLE_7)["jerk"]
-    mass, _, centre = paper.TABLE_4[0]
+    mass, _, centre = hybrid_robot.TABLE_4[0]
     upright, tilted = static_bound(physical).payload, static_bound(literal).payload
     return (
         Erratum(
-            "Table 1, m_pu", f"{paper.PAYLOAD_RANGE[1]} kg", "more than the largest payload reported",
+            "Table 1, m_pu", f"{tables.PAYLOAD_RANGE[1]} kg", "more than the largest payload reported",
             f"(123) with it rules out the {paper.LARGEST_PAYLOAD} kg of sect. 6",
         ),
         Erratum(
@@ -113,8 +115,8 @@ def equation_errata(physical: Problem, literal: Problem) -> tuple[Erratum, ...]:
 def yaw_error() -> float:
     """Error [rad] of (30) as printed at the worst via point, with lengths in m."""
     q = paper.via_points(paper.Guo2016())
-    alpha = np.arctan((q[:, 1] - q[:, 0]) / paper.L1)
-    a1 = paper.L3 * np.sin(alpha)
+    alpha = np.arctan((q[:, 1] - q[:, 0]) / hybrid_robot.L1)
+    a1 = hybrid_robot.L3 * np.sin(alpha)
     return float(np.abs(np.arctan2(a1, np.sqrt(1.0 - a1**2)) - alpha).max())
 
 
@@ -122,7 +124,7 @@ def vertical_product(motion: Trajectory) -> float:
     """Largest |2w2 x 3z2| |dphi_4/dt| [rad/s2], components of the two frames multiplied as printed in (60)."""
     t = np.arange(0.0, motion.duration, 1e-3)
     q, v = motion.curve(t), motion.curve(t, 1)
-    yaw = paper.L1 * (v[:, 1] - v[:, 0]) / (paper.L1**2 + (q[:, 1] - q[:, 0]) ** 2)  # (43)
+    yaw = hybrid_robot.L1 * (v[:, 1] - v[:, 0]) / (hybrid_robot.L1**2 + (q[:, 1] - q[:, 0]) ** 2)  # (43)
     product = np.cross(np.stack([0.0 * yaw, 0.0 * yaw, yaw], axis=1), [0.0, sqrt(0.5), sqrt(0.5)])  # (65)
     return float((np.linalg.norm(product, axis=1) * np.abs(v[:, 3])).max())
 
@@ -130,7 +132,7 @@ def vertical_product(motion: Trajectory) -> float:
 def energies(problem: Problem) -> tuple[float, float]:
     """z2 at Table 7 with a problem's payload: |U||v| summed over joints after squaring, and before."""
     motion = trajectory_of(problem, paper.TABLE_7)
-    limit = next(c for c in problem.requirements.path_constraints if c.id == "force")
+    limit = next(c for c in problem.requirements.path_constraints if c.id == "effort-limit")
     after = before = 0.0
     for k, h in enumerate(paper.TABLE_7):
         force = limit_on(motion, problem.requirements, limit, k, [0.0, 1.0])
@@ -146,7 +148,7 @@ def tangent_angles() -> Array:
     x, y = 600.0 + 40.0 * eta, -150.0 + 30.0 * eta
     tangent = np.stack([40.0 + 0.0 * eta, 30.0 + 0.0 * eta, 0.15 * (y - 100.0) - x / 80.0], axis=1)
     tangent /= np.linalg.norm(tangent, axis=1)[:, None]
-    turn, tilt = np.arctan((q[:, 1] - q[:, 0]) / paper.L1) + q[:, 3], q[:, 4]
+    turn, tilt = np.arctan((q[:, 1] - q[:, 0]) / hybrid_robot.L1) + q[:, 3], q[:, 4]
     c, s, root = np.cos(turn), np.sin(turn), np.sin(tilt) / sqrt(2.0)
     up, down = (1.0 + np.cos(tilt)) / 2.0, (1.0 - np.cos(tilt)) / 2.0
     o = np.stack([s * root - c * up, -c * root - s * up, down], axis=1)

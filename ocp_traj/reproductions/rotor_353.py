@@ -214,7 +214,8 @@ def optimum(sheet: Sheet, runs: list[Run], sign: bool, timing: str) -> Solution:
     words, together = SIGNS[sign], timing == "synchronised"
     note = f"{'exchange, IPOPT' if together else 'longest of each phase'}, {found.audit.verdict}; a_max is our choice"
     if found.certificate is not None and found.certificate.certified:
-        note += f"; certified: nothing below {found.certificate.lower:.7g} s"
+        # Rounded down: the bound itself holds to its last digit, a rounded one need not.
+        note += f"; certified: nothing below {np.floor(1e6 * found.certificate.lower) / 1e6:.6f} s"
     if not found.audit.proved:
         note += f"; {found.audit.explain()}"
     sheet.add("Sect. 4", f"time, {TIMINGS[timing]}, {words}", paper.TOTAL, float(found.x.sum()), "s", note=note)

@@ -95,7 +95,7 @@ def excesses(motion: Motion, case: Case, data: Mapping[str, Any]) -> Excesses:
         )
     }
     found |= {
-        "force": worst(motion, lambda k, u: efforts(machine, *motion.state(k, u)[:3]), -FORCE, FORCE),
+        "effort-limit": worst(motion, lambda k, u: efforts(machine, *motion.state(k, u)[:3]), -FORCE, FORCE),
         "yaw": worst(motion, lambda k, u: motion.at(k, u) @ np.array([[-1.0, 1.0, 0.0, 0.0, 0.0]]).T, -L1, L1),
         "rest": apart([knots[0][1:3], knots[-1][1:3]], 0.0, POINT),
         "via": apart([knot[0] for knot in knots], points, POINT),

@@ -80,7 +80,7 @@ def excesses(data: Mapping[str, Any], limits: Mapping[str, Any], folder: Path) -
             smooth = max(smooth, order - 1)
     if machine is not None:
         if (pair := bounds["effort"]) is not None:
-            found["force"] = worst(motion, lambda k, u: efforts(machine, *motion.state(k, u)[:3]), *pair)
+            found["effort-limit"] = worst(motion, lambda k, u: efforts(machine, *motion.state(k, u)[:3]), *pair)
             smooth = max(smooth, 1)
         if (box := _bounds(limits.get("tool"), None, 3)) is not None:
             found["tool-box"] = worst(motion, lambda k, u: machine.tools(motion.at(k, u)), *box)

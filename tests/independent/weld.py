@@ -67,7 +67,7 @@ def excesses(motion: Motion, case: Case, data: Mapping[str, Any]) -> Excesses:
     strongest = np.full(6, PRINTED_EFFORT) if case["as_printed"] else np.array(kr90.EFFORT)
     found: Excesses = {
         "position-limit": worst(motion, motion.at, *np.radians(kr90.POSITION)),
-        "torque": worst(motion, lambda k, u: efforts(machine, *motion.state(k, u)[:3]), -strongest, strongest),
+        "effort-limit": worst(motion, lambda k, u: efforts(machine, *motion.state(k, u)[:3]), -strongest, strongest),
     }
     tables = {"velocity": kr90.VELOCITY, "acceleration": kr90.ACCELERATION, "jerk": kr90.JERK, "snap": kr90.SNAP}
     for order, (name, table) in enumerate(tables.items(), 1):

@@ -111,7 +111,7 @@ def excesses(motion: Motion, case: Case, data: Mapping[str, Any]) -> Excesses:
         found[f"{name}-limit"] = worst(motion, lambda k, u, o=order: motion.at(k, u, o), -bound, bound)  # type: ignore[misc]
     if case["effort_limits"]:
         bound = np.array(case["max_effort"])
-        found["effort"] = worst(motion, lambda k, u: efforts(machine, *motion.state(k, u)[:3]), -bound, bound)
+        found["effort-limit"] = worst(motion, lambda k, u: efforts(machine, *motion.state(k, u)[:3]), -bound, bound)
     if case["obstacles"]:
         said = parameter(data, "clearance", case["min_clearance"])
         clearance = max(said, case["min_clearance"])

@@ -1,0 +1,114 @@
+"""The 5-DOF hybrid robot of Guo et al. (2016): its numbers, dynamics and inverse kinematics."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from typing import Any
+
+import casadi
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ocp_traj.chain import AxisJoint, DHRow, LinkInertia
+from ocp_traj.errors import InputError
+from ocp_traj.limits import Limits
+from ocp_traj.robot import ActuatorMap, Robot
+
+Array = NDArray[np.float64]
+
+JOINTS = ("X_S1", "X_S2", "X_S3", "phi_4", "phi_5")
+UNITS = ("m", "m", "m", "rad", "rad")
+GRAVITY = 9.80665  # [m/s^2], below (42)
+
+# Table 1 [m]. L_p: (8), with L_t = 225 mm.
+L1, L2, L3, L4, L5, L01, E = 0.420, 0.050, 0.450, 0.180, 0.180, 0.400, 0.0
+LP = 0.225 - (0.180 + sqrt(2.0) * 0.080 + E)
+
+# Table 4: mass [kg], inertia about the centre of mass [kg mm^2], centre of mass [mm].
+TABLE_4 = (
+    (
+        83.025,
+        ((5095170.782, -61.008, 1019.065), (-61.008, 3291706.841, -15.858), (1019.065, -15.858, 2367692.766)),
+        (0.0, 0.0, -44.182),
+    ),
+    (
+        21.333,
+        (
+            (1475990.573, -3970.014, -748196.633),
+            (-3970.014, 2366543.574, -8327.223),
+            (-748196.633, -8327.223, 911968.216),
+        ),
+        (-304.563, -1.306, -278.925),
+    ),
+    (
+        8.022,
+        ((142265.977, -0.114, 0.002), (-0.114, 45016.139, 46002.096), (0.002, 46002.096, 109393.601)),
+        (0.0, -63.686, -468.138),
+    ),
+    (
+        9.120,
+        ((119573.680, 27.342, -0.849), (27.342, 36160.108, -18452.465), (-0.849, -18452.465, 94076.578)),
+        (0.0, -52.909, -261.241),
+    ),
+)
+
+# Table 2, SI.
+LIMITS = Limits(
+    position=((0.0, 0.0, 0.0, -pi, -pi), (1.0, 1.0, 0.5, pi, pi)),
+    velocity=(0.25, 0.25, 0.25, 1.96, 1.96),
+    acceleration=(5.0, 5.0, 5.0, 60.0, 60.0),
+    jerk=(100.0, 100.0, 100.0, 1200.0, 1200.0),
+    effort=(500.0, 500.0, 500.0, 17.0, 17.0),
+)
+
+
+def robot() -> Robot:
+    """The 5-DOF hybrid robot: two parallel ball screws that move and yaw link 1, a lift, and two revolute joints."""
+
+    def serial(q: Any) -> Any:  # (90), (92): d1, alpha, X_S3, phi_4, phi_5
+        return casadi.vertcat((q[0] + q[1]) / 2.0, casadi.atan((q[1] - q[0]) / L1), q[2], q[3], q[4])
+
+    links = [LinkInertia(mass, np.array(centre) * 1e-3, np.array(inertia) * 1e-6) for mass, inertia, centre in TABLE_4]
+    return Robot.from_dh(
+        rows=(  # Table 3
+            DHRow(d=L01, a=L3, kind="prismatic"),
+            DHRow(theta=-pi / 2.0, d=L2 + L4 + sqrt(2.0) * L5, alpha=pi / 4.0),
+            DHRow(theta=pi, d=sqrt(2.0) * E, alpha=pi / 4.0),
+            DHRow(d=LP, kind="fixed"),
+        ),
+        inertias=(*links[1:], None),
+        prefix=(AxisJoint("prismatic", axis=(1, 0, 0)), AxisJoint("revolute", axis=(0, 0, 1), inertia=links[0])),
+        gravity=(0.0, 0.0, GRAVITY),  # Z0 points down
+        joints=JOINTS,
+        units=UNITS,
+        limits=LIMITS,
+        actuator_map=ActuatorMap("parallel screws", serial),
+        name="hybrid 5-DOF",
+    )
+
+
+def inverse_kinematics(position: ArrayLike, axis: ArrayLike) -> Array:
+    """Joint coordinates of tool positions and tool axes, (29)-(32) with A1/L3 in place of A1.
+
+    Args:
+        position: p ``(N, 3)`` [m].
+        axis: a ``(N, 3)``, unit, a_z > 0; of the two turns about it, the one with n_z <= 0 is taken.
+
+    Returns:
+        ``(N, 5)``: X_S1, X_S2, X_S3 [m], phi_4, phi_5 [rad].
+    """
+    p, a = np.atleast_2d(np.asarray(position, dtype=float)), np.atleast_2d(np.asarray(axis, dtype=float))
+    az = a[:, 2]
+    nz = -np.sqrt(np.maximum(1.0 - (2.0 * az - 1.0) ** 2, 0.0)) / sqrt(2.0)
+    y, x = a[:, 1] * (az - 1.0) + a[:, 0] * nz, a[:, 0] * (az - 1.0) - a[:, 1] * nz
+    sine = (p[:, 1] - LP * a[:, 1] + (E * y / ((az - 1.0) ** 2 + nz**2) if E else 0.0)) / L3
+    if (np.abs(sine) > sqrt(0.5)).any():
+        raise InputError("inverse kinematics: a position is out of reach, its yaw lies beyond +-45 deg (below (4))")
+    alpha = np.arcsin(sine)
+    phi5 = np.arctan2(-sqrt(2.0) * nz, 2.0 * az - 1.0)
+    phi4 = np.arctan2(y, x) - alpha
+    phi4 = np.arctan2(np.sin(phi4), np.cos(phi4))
+    middle = p[:, 0] + E * np.cos(alpha + phi4) - L3 * np.cos(alpha) - LP * a[:, 0]
+    half = 0.5 * L1 * np.tan(alpha)
+    lift = p[:, 2] - (L2 + L4 + sqrt(2.0) * L5 + L01 + E + az * LP)
+    return np.asarray(np.stack([middle - half, middle + half, lift, phi4, phi5], axis=1))
