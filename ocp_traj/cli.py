@@ -42,6 +42,7 @@ from ocp_traj.version import __version__
 
 DONE, NOT_PROVED, WRONG_INPUT = 0, 1, 2
 MOST = 100_000  # of anything that is counted: our choice, what a machine's memory holds
+NO_RESULT = "before there was a result"
 LONGEST_USAGE = 500  # of a message about options [characters]: our choice
 
 app = typer.Typer(
@@ -472,10 +473,10 @@ def _run(arguments: Sequence[str] | None) -> int:
         screen.say(f"error: {error}")
         return code
     except (KeyboardInterrupt, typer.Abort):
-        screen.say("interrupted before anything was found; nothing is written")
-        return exit_code()
+        return _interrupted(NO_RESULT)
     except typer.Exit as stop:
-        return int(stop.exit_code)
+        interrupted = isinstance(stop.__cause__, KeyboardInterrupt)  # which typer makes an exit of its own of
+        return _interrupted(NO_RESULT) if interrupted else int(stop.exit_code)
     except MemoryError:
         screen.say("error: this machine has not enough memory for that; ask for less")
         return NOT_PROVED
