@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from ocp_traj import api, problems, screen
 from ocp_traj.audit import audit as run_audit
@@ -42,10 +43,21 @@ from ocp_traj.version import __version__
 
 DONE, NOT_PROVED, WRONG_INPUT = 0, 1, 2
 MOST = 100_000  # of anything that is counted: our choice, what a machine's memory holds
-NO_RESULT = "before there was a result"
 LONGEST_USAGE = 500  # of a message about options [characters]: our choice
 
+
+class _Commands(TyperGroup):
+    """The commands; one that is interrupted says so, which typer would not."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            return _interrupted("before there was a result")
+
+
 app = typer.Typer(
+    cls=_Commands,
     add_completion=False,
     invoke_without_command=True,
     pretty_exceptions_enable=False,
@@ -472,11 +484,8 @@ def _run(arguments: Sequence[str] | None) -> int:
             )
         screen.say(f"error: {error}")
         return code
-    except (KeyboardInterrupt, typer.Abort):
-        return _interrupted(NO_RESULT)
     except typer.Exit as stop:
-        interrupted = isinstance(stop.__cause__, KeyboardInterrupt)  # which typer makes an exit of its own of
-        return _interrupted(NO_RESULT) if interrupted else int(stop.exit_code)
+        return int(stop.exit_code)
     except MemoryError:
         screen.say("error: this machine has not enough memory for that; ask for less")
         return NOT_PROVED
