@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from ocp_traj import api, problems, screen
 from ocp_traj.audit import audit as run_audit
@@ -44,7 +45,19 @@ DONE, NOT_PROVED, WRONG_INPUT = 0, 1, 2
 MOST = 100_000  # of anything that is counted: our choice, what a machine's memory holds
 LONGEST_USAGE = 500  # of a message about options [characters]: our choice
 
+
+class _Commands(TyperGroup):
+    """The commands; one that is interrupted says so, which typer would not."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            return _interrupted("before there was a result")
+
+
 app = typer.Typer(
+    cls=_Commands,
     add_completion=False,
     invoke_without_command=True,
     pretty_exceptions_enable=False,
@@ -471,9 +484,6 @@ def _run(arguments: Sequence[str] | None) -> int:
             )
         screen.say(f"error: {error}")
         return code
-    except (KeyboardInterrupt, typer.Abort):
-        screen.say("interrupted before anything was found; nothing is written")
-        return exit_code()
     except typer.Exit as stop:
         return int(stop.exit_code)
     except MemoryError:

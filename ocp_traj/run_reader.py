@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ocp_traj import problems
 from ocp_traj.alternatives import best_front
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import FileFormatError, InputError
 from ocp_traj.files import plain, read_json
 from ocp_traj.front import Front
@@ -36,6 +37,7 @@ Array = NDArray[np.float64]
 WITHOUT_JOURNAL = "ocp-traj/run/1"
 
 
+@one_blas_thread
 def load_run(folder: str | Path, problem: Problem | None = None) -> Front:
     """Reads a run folder, at any moment of the run, and proves every point anew.
 

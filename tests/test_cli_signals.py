@@ -123,6 +123,16 @@ def test_solve_shows_and_writes_the_best_so_far(
     assert list(tmp_path.iterdir()) == [target]
 
 
+def test_without_a_result_it_says_so(
+    pressed: Callable[[int], None], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    pressed(1)  # after the first of several rounds
+    arguments = ["solve", "hybrid-spline", "--objective", "time", "--starts", "1", "-o", str(tmp_path / "t.json")]
+    assert run(arguments) == 130
+    assert capfd.readouterr() == ("", "interrupted before there was a result\n")
+    assert not list(tmp_path.iterdir())
+
+
 def test_pareto_writes_the_front_so_far(
     pressed: Callable[[int], None], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
