@@ -72,7 +72,12 @@ BEST = {
     "effort": {"air_time": 3.63686, "movement": 3.63689},
     "movement": {"air_time": 2.28997, "effort": 0.774962},
 }
-BEST_AIR_MOVE: dict[str, dict[str, float]] = {}
+BEST_AIR_MOVE = {
+    "air_time": {"dynamic_effort": 4.23322, "effort": 4.23322, "movement": 4.23322},
+    "dynamic_effort": {"air_time": 0.0163711, "effort": 0.0162944, "movement": 0.0108871},
+    "effort": {"air_time": 0.386736, "dynamic_effort": 0.386736, "movement": 0.386736},
+    "movement": {"air_time": 0.261411, "dynamic_effort": 0.0400463, "effort": 0.107494},
+}
 
 
 @dataclass(frozen=True)
