@@ -179,9 +179,8 @@ class Exchange:
             return _settled(problem, scalarisation, replace(last, seconds=time.perf_counter() - begun))
         # Infeasible on the way is an answer, with the limits in conflict; else there is a point, but no proof of it.
         if solution.ok:
-            why = f"all {most} rounds are used up, " + (
-                "stalled" if excess > before / GAINS else "the last still gained"
-            )
+            gain = "the exchange has stalled" if excess > before / GAINS else "the last one still gained"
+            why = f"all {most} rounds are used up, {gain}" if most > 1 else "the one round is used up"
         else:
             why = f"round {number} of {most} found no point: {solution.status.value}, {solution.detail}"
         if solution.status is Status.LOCALLY_INFEASIBLE or last is None:

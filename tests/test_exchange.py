@@ -292,16 +292,18 @@ def test_a_problem_that_does_not_dilate_is_left_unproved_by_one_round_and_says_w
     solution = Exchange(max_rounds=1).solve(replace(quintic_problem(), dilate=None), TIME, FAST)
     assert solution.status is Status.UNPROVED and solution.audit is not None and not solution.audit.proved
     assert solution.x[0] < Quintic().least_time
-    why = r"all 1 rounds are used up, the last still gained; acceleration-limit j is violated, .* rad/s2 from its bound"
+    why = r"the one round is used up; acceleration-limit j is violated, .* rad/s2 from its bound"
     assert re.match(why + r" at t = .* s; its last solve ended with IPOPT: Solve_Succeeded$", solution.detail)
     assert solution.detail in solution.explain()
 
 
-def test_rounds_that_gain_nothing_are_called_stalled() -> None:
+def test_rounds_that_gain_nothing_are_told() -> None:
     """Limits that the NLP has looser by 1e-3 than they are: every round ends beyond them by as much."""
     solution = Exchange(max_rounds=4, back_off=-1e-3).solve(replace(quintic_problem(), dilate=None), TIME, FAST)
     assert solution.status is Status.UNPROVED
-    assert re.match("all 4 rounds are used up, stalled; acceleration-limit j is violated, 0.0049", solution.detail)
+    assert re.match(
+        "all 4 rounds are used up, the exchange has stalled; acceleration-limit j is violated, 0.0049", solution.detail
+    )
 
 
 def test_a_round_without_a_point_is_named_with_the_solvers_own_word() -> None:
