@@ -11,7 +11,7 @@ are written here once; Farin, *Curves and Surfaces for CAGD* (2002), chapters 4 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import comb, factorial
 from typing import Any
 
@@ -109,12 +109,7 @@ def turning_times(points: Array) -> Array:
     slopes = np.where(finite, slopes, 0.0)
     size = np.abs(slopes).max(axis=0)
     slopes = np.where(size > 0.0, slopes / np.where(size > 0.0, size, 1.0), 1.0)  # a constant never turns
-    # One more candidate than there are roots: at one of them the derivative is not small.
-    centres = np.linspace(-0.75, 1.75, degree + 1)
-    orders = range(degree + 1)
-    taylor = np.array(
-        [[basis(degree - k, c)[0] @ difference_matrix(degree, k) / factorial(k) for k in orders] for c in centres]
-    )  # (centres, orders, n)
+    centres, taylor = _taylor(degree)
     coefficients = taylor @ slopes  # (centres, orders, N)
     share = np.abs(coefficients[:, 0]) / np.abs(coefficients).sum(axis=1)
     best = np.argmax(share, axis=0)
@@ -126,6 +121,17 @@ def turning_times(points: Array) -> Array:
         roots = centres[best][:, None] + (1.0 / np.linalg.eigvals(companion)).real
     inside = np.sort(np.clip(np.nan_to_num(roots, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0), axis=1).T
     return np.where(finite, inside, np.nan)
+
+
+@lru_cache(maxsize=64)
+def _taylor(degree: int) -> tuple[Array, Array]:
+    """Centres ``(n + 1,)``, and what maps control points to Taylor coefficients there ``(n + 1, n + 1, n + 1)``.
+
+    One more centre than a polynomial has roots: at one of them it is not small.
+    """
+    centres, orders = np.linspace(-0.75, 1.75, degree + 1), range(degree + 1)
+    rows = [[basis(degree - k, c)[0] @ difference_matrix(degree, k) / factorial(k) for k in orders] for c in centres]
+    return centres, np.array(rows)
 
 
 def turning_values(points: Array) -> tuple[Array, Array]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.curves import nonic
 from ocp_traj.errors import InputError
 from ocp_traj.pieces import Pieces, pieces
@@ -41,6 +42,7 @@ class Start:
     air: tuple[float, float]
 
 
+@one_blas_thread
 def find_start(machine: Robot, path: Seam, case: Case) -> Start:
     """The seam in pieces, the arm fitted to it from home and from home's other wrist postures, the quickest of them.
 
