@@ -220,6 +220,16 @@ def robot(case: ElHaiek2019) -> Robot:
     )
 
 
+# Of the default case, of either branch the better, each objective with another within the reference point;
+# python benchmarks/ideal_points.py wrist-obstacle
+BEST = {
+    "time": {"distance": 1.32814, "fitness": 1.32814, "clearance": 1.32814},
+    "distance": {"time": 3.14159, "fitness": 3.14159, "clearance": 3.14159},
+    "fitness": {"time": 4.46973, "distance": 4.46973, "clearance": 4.46973},
+    "clearance": {"time": 0.0955811, "distance": 0.0955811, "fitness": 0.0955811},
+}
+
+
 def build(case: ElHaiek2019 | None = None) -> Problem:
     """The problem of a case; with branch ``best`` it is branch 0's, and its alternatives are both branches."""
     case = case or ElHaiek2019()
@@ -294,6 +304,7 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
         objectives=tuple(objectives),
         default_objective="fitness",
         reference_point=worst,
+        best_values=BEST if replace(case, branch="best") == ElHaiek2019() else {},
         requirements=Requirements(
             JOINTS,
             UNITS,
