@@ -184,7 +184,7 @@ def test_the_hybrid_keeps_the_ends_it_found_and_says_whether_more_came_of_them(
     assert code == (0 if saved["info"]["moved"] else 1)
     assert ("hmoga found nothing better" in capsys.readouterr().err) == (not saved["info"]["moved"])
     assert saved["points"] >= 2 and saved["hypervolume"]["ideal_from"] == "problem"
-    assert saved["info"]["ideal"]["air_time"] == pytest.approx(saved["hypervolume"]["ideal"]["air_time"], rel=1e-4)
+    assert saved["info"]["ideal"]["air_time"] == pytest.approx(saved["hypervolume"]["ideal"]["air_time"], rel=1e-2)
 
 
 # --- on the screen ---
