@@ -129,7 +129,7 @@ def test_a_singular_tag_is_named_with_its_value(monkeypatch: pytest.MonkeyPatch)
 # --- populations: all individuals begin at the one start of a seam, and small ones stay there ---
 
 
-@pytest.mark.parametrize("method", ["nsga2", "mopso"])
+@pytest.mark.parametrize("method", ["nsga2", pytest.param("mopso", marks=pytest.mark.slow)])
 def test_a_front_that_is_the_start_alone_is_no_success(
     method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -167,7 +167,7 @@ def test_the_hybrid_keeps_the_ends_it_found_and_says_whether_more_came_of_them(
     assert code == (0 if saved["info"]["moved"] else 1)
     assert ("hmoga found nothing better" in capsys.readouterr().err) == (not saved["info"]["moved"])
     assert saved["points"] >= 2 and saved["hypervolume"]["ideal_from"] == "problem"
-    assert saved["info"]["ideal"]["air_time"] == pytest.approx(saved["hypervolume"]["ideal"]["air_time"], rel=1e-4)
+    assert saved["info"]["ideal"]["air_time"] == pytest.approx(saved["hypervolume"]["ideal"]["air_time"], rel=1e-2)
 
 
 # --- on the screen ---
