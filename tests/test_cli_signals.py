@@ -30,12 +30,15 @@ MANY = ["solve", "hybrid-spline", "--objective", "time", "--starts", "1000"]
 
 def begin(arguments: Sequence[str], **options: Any) -> subprocess.Popen[str]:
     """The command line as a process, as soon as it handles signals."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background the shell has it ignored
+    # In the background the shell has Ctrl-C ignored, and nohup the end of the terminal; a child would inherit that.
+    usual = {signal.SIGINT: signal.default_int_handler, signal.SIGHUP: signal.SIG_DFL}
+    before = {number: signal.signal(number, handler) for number, handler in usual.items()}
     process = subprocess.Popen(
         [sys.executable, "-m", "ocp_traj", *arguments],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT, **options,
     )  # fmt: skip
-    signal.signal(signal.SIGINT, before)
+    for number, handler in before.items():
+        signal.signal(number, handler)
     caught = 0
     while not caught >> (signal.SIGTERM - 1) & 1:
         time.sleep(0.001)
