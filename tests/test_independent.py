@@ -36,7 +36,7 @@ def test_every_field_of_a_case_is_known_with_its_default(problem: str) -> None:
     assert {f.name: getattr(own, f.name) for f in fields(own)} == PROBLEMS[problem].DEFAULTS
 
 
-HEAVY = ("air move, rest",)
+HEAVY = ("air move, rest", "air move", "seam")
 # Limits with symmetric bounds that the audit and this code measure alike.
 SYMMETRIC = {
     *("velocity-limit", "acceleration-limit", "jerk-limit", "snap-limit"),

@@ -62,7 +62,7 @@ FRONTS = [
     ("rotor-353", {}, ("time", "effort"), GENETIC),
     slow("wrist-obstacle", {"branch": "0"}, ("time", "clearance"), TRACED),
     ("wrist-obstacle", {"branch": "0"}, ("time", "distance"), GENETIC),
-    ("weld-bezier", REST, ("air_time", "movement"), {"points": 2, "starts": 1}),
+    slow("weld-bezier", REST, ("air_time", "movement"), {"points": 2, "starts": 1}),
     slow("weld-bezier", AIR, ("air_time", "movement"), TRACED),
     slow("weld-bezier", {}, ("air_time", "movement"), TRACED),
 ]

@@ -278,6 +278,7 @@ def test_of_alternatives_the_best_front_is_read_at_the_end_and_before(tmp_path: 
     assert seen[3][1].info["alternatives"]["slow"]["points"] == 3
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment_nothing_reported_is_lost_and_the_folder_can_be_written_to(tmp_path: Path) -> None:
     """A sample of ``make kill``, with what others may do while it runs."""
     root = tmp_path / "run"

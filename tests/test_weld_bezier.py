@@ -129,7 +129,8 @@ def test_a_singular_tag_is_named_with_its_value(monkeypatch: pytest.MonkeyPatch)
 # --- populations: all individuals begin at the one start of a seam, and small ones stay there ---
 
 
-@pytest.mark.parametrize("method", ["nsga2", pytest.param("mopso", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["nsga2", "mopso"])
 def test_a_front_that_is_the_start_alone_is_no_success(
     method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
