@@ -67,7 +67,7 @@ def _rows_of_variables(problem: Problem, motion: Motion, variables: Mapping[str,
         if worst > 1.0:
             raise InputError(
                 f"the trajectory's {what} is not what its variables and its case give in {problem.id}: one of them was "
-                "changed; correct it, or leave the variables out"
+                "changed; correct that one"
             )
         return bound_rows(problem, x)
     x = recovered_variables(problem, motion)
@@ -134,8 +134,9 @@ def _disagreement(problem: Problem, motion: Motion, x: Array) -> tuple[float, st
     """The largest difference between a trajectory and what ``x`` gives, over what may be, and of what it is."""
     made = motion_of(problem, x)
     pairs: list[tuple[str, Array, Array]] = [
-        (f"parameter {name}", np.array(motion.parameters[name]), np.array(made.parameters[name]))
+        (f"parameter {name}, {a:.9g} against {b:.9g},", np.array(a), np.array(b))
         for name in problem.requirements.parameters
+        for a, b in [(motion.parameters[name], made.parameters[name])]
     ]
     mine, theirs = motion.curve, made.curve
     if mine.degrees != theirs.degrees:
