@@ -156,7 +156,7 @@ class Exchange:
             last = solution = _finished(problem, scalarisation, solution, x, begun)
             assert solution.audit is not None and solution.trajectory is not None
             self.progress(number, most, f"{len(nlp.rows)} rows, {solution.audit.verdict}")
-            updated = turned(problem, scalarisation, instants, solution.trajectory)
+            updated = turned(problem, scalarisation, instants, x, solution.trajectory)
             if solution.audit.proved:
                 proved.append(solution)
                 if updated is None:
@@ -164,7 +164,7 @@ class Exchange:
             before, excess = excess, largest_excess(problem, solution.audit)
             if before / STALLED < excess < NEGLIGIBLE:
                 back_off += 2.0 * excess  # flat peaks wander for ever: stay clear of the limit by what they wander
-            peaks = worst_instants(problem, solution.trajectory, solution.audit, self.back_off)
+            peaks = worst_instants(problem, x, solution.trajectory, solution.audit, self.back_off)
             instants = updated or instants
             if number == 1 and self.first is None and problem.instants is None:
                 instants = _near(instants, problem, solution)

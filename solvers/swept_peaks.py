@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.evaluate import swept_on
+from ocp_traj.motion import Motion
 from ocp_traj.problem import Problem
 from ocp_traj.requirements import SWEEP, PathConstraint
 from ocp_traj.solvers.peaks import RACING
 from ocp_traj.symbolic import SymbolicCurve
-from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import Instant, limit_values
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ NEWTON = 8  # steps: our choice
 
 
 def swept_peaks(
-    problem: Problem, limit: PathConstraint, segment: int, candidate: Trajectory, back_off: float
+    problem: Problem, limit: PathConstraint, segment: int, candidate: Motion, back_off: float
 ) -> list[Instant]:
     """Local maxima of the violation over times and sweeps: above zero, or close enough to hide one that is."""
     u = np.linspace(0.0, 1.0, SCAN)

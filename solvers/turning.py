@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.bernstein import turning_times
+from ocp_traj.motion import Motion
 from ocp_traj.objective import Objective
 from ocp_traj.problem import Problem
 from ocp_traj.scalarise import Scalarisation
 from ocp_traj.solvers.peaks import follow, where
 from ocp_traj.symbolic import row_variations, variation_matrix, variations
-from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import Instant, step_nodes
 
 Array = NDArray[np.float64]
@@ -31,24 +31,23 @@ FAST = 2.0  # segments a turning point moves when x doubles: one that is faster 
 
 
 def turned(
-    problem: Problem, scalarisation: Scalarisation, instants: Sequence[Instant], candidate: Trajectory
+    problem: Problem, scalarisation: Scalarisation, instants: Sequence[Instant], x: Array, candidate: Motion
 ) -> list[Instant] | None:
     """The instants with turning points brought up to date; None where all sums of steps are already exact."""
     updated, exact = list(instants), True
     for objective in variations(problem, scalarisation.names):
-        short = shortfalls(problem, objective, instants, candidate)
+        short = shortfalls(problem, objective, instants, x, candidate)
         for row in np.nonzero(short)[0].tolist():
             exact = False
             updated = [i for i in updated if (i.limit, i.rows) != (objective.id, (row,)) or i.slope is None]
-            updated += _turning_points(problem, objective, row, candidate)
+            updated += _turning_points(problem, objective, row, x, candidate)
     return None if exact else updated
 
 
 def shortfalls(
-    problem: Problem, objective: Objective, instants: Sequence[Instant], candidate: Trajectory
+    problem: Problem, objective: Objective, instants: Sequence[Instant], x: Array, candidate: Motion
 ) -> NDArray[np.bool_]:
     """Of which rows ``(rows,)`` the sum of steps between the nodes is not the total variation."""
-    x = np.concatenate(list(candidate.variables.values()))
     matrix, curve = variation_matrix(problem, objective), candidate.curve
     exact = row_variations(problem, objective, [points[:, :, None] for points in curve.control_points])[:, 0]
     sums = np.zeros(len(matrix))
@@ -60,8 +59,7 @@ def shortfalls(
     return np.asarray(np.abs(exact - sums) > AGREE * max(float(exact.sum()), objective.scale))
 
 
-def _turning_points(problem: Problem, objective: Objective, row: int, candidate: Trajectory) -> list[Instant]:
-    x = np.concatenate(list(candidate.variables.values()))
+def _turning_points(problem: Problem, objective: Objective, row: int, x: Array, candidate: Motion) -> list[Instant]:
     weights = variation_matrix(problem, objective)[row]
     members = []
     for k, points in enumerate(candidate.curve.control_points):

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.evaluate import limit_on
+from ocp_traj.motion import Motion
 from ocp_traj.problem import Problem
 from ocp_traj.requirements import PathConstraint
 from ocp_traj.solvers.peaks import moving, peak_function
 from ocp_traj.solvers.swept_peaks import sharpened_sweep, swept_peaks
-from ocp_traj.trajectory import Trajectory
 from ocp_traj.transcription import BACK_OFF, Instant
 from ocp_traj.verdicts import Audit
 
@@ -23,11 +23,10 @@ FINE = 33  # samples about a sample that stands out, from one neighbour to the o
 
 
 def worst_instants(
-    problem: Problem, candidate: Trajectory, checked: Audit, back_off: float = BACK_OFF
+    problem: Problem, x: Array, candidate: Motion, checked: Audit, back_off: float = BACK_OFF
 ) -> list[Instant]:
-    """The peaks at which a trajectory breaks its limits, each as an instant that moves with the variables."""
+    """The peaks at which a trajectory of x ``(n,)`` breaks its limits, each as an instant that moves with x."""
     failing = {row.limit for row in checked.failures}
-    x = np.concatenate(list(candidate.variables.values()))
     found: list[Instant] = []
     for limit in problem.requirements.path_constraints:
         if limit.id in failing:
@@ -39,7 +38,7 @@ def _scaled_bounds(limit: PathConstraint, back_off: float) -> tuple[Array, Array
     return limit.lower / limit.scale + back_off, limit.upper / limit.scale - back_off
 
 
-def _peaks(problem: Problem, limit: PathConstraint, candidate: Trajectory, back_off: float) -> list[Instant]:
+def _peaks(problem: Problem, limit: PathConstraint, candidate: Motion, back_off: float) -> list[Instant]:
     """Local maxima of the violation of one limit, from a scan: above zero, or close enough to hide one that is."""
     low, high = _scaled_bounds(limit, back_off)
     u = np.linspace(0.0, 1.0, SCAN)

@@ -69,7 +69,7 @@ def test_a_narrow_dip_below_beside_a_peak_above_is_found() -> None:
     problem = quintic_problem()
     problem = replace(problem, requirements=replace(problem.requirements, path_constraints=(limit,)))
     candidate = trajectory_of(problem, [3.0])
-    found = worst_instants(problem, candidate, audit(candidate, problem.requirements))
+    found = worst_instants(problem, np.array([3.0]), candidate, audit(candidate, problem.requirements))
     assert min(abs(instant.u - dip) for instant in found) < 1e-9
 
 
@@ -78,7 +78,7 @@ def test_a_first_grid_blind_to_the_limit_gets_the_peaks_as_moving_instants() -> 
     case = Quintic()
     problem = quintic_problem(case)
     candidate = trajectory_of(problem, [0.5])
-    found = worst_instants(problem, candidate, audit(candidate, problem.requirements))
+    found = worst_instants(problem, np.array([0.5]), candidate, audit(candidate, problem.requirements))
     at = sorted((instant.limit, instant.u) for instant in found)
     assert [limit for limit, _ in at] == ["acceleration-limit", "acceleration-limit", "velocity-limit"]
     assert [u for _, u in at] == pytest.approx([(3 - 3**0.5) / 6, (3 + 3**0.5) / 6, 0.5], abs=1e-9)
