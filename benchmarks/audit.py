@@ -21,14 +21,14 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ocp_traj import problems
-from ocp_traj.audit import audit_all
-from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.evaluate import limit_on
-from ocp_traj.limits import Limits
-from ocp_traj.requirements import PathConstraint, Requirements, State
-from ocp_traj.robot import Robot
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.trajectory import trajectory_of as of_vector
+from ocp_traj.curves.bernstein import PiecewiseBezier
+from ocp_traj.formulation.requirements import PathConstraint, Requirements, State
+from ocp_traj.proof.audit import audit_all
+from ocp_traj.proof.values import limit_on
+from ocp_traj.results.trajectory import Trajectory
+from ocp_traj.results.trajectory import trajectory_of as of_vector
+from ocp_traj.robot.joint_limits import JointLimits
+from ocp_traj.robot.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ _TORCH = pin.Inertia(12.0, np.array([0.03, 0.0, 0.18]), np.diag([0.25, 0.25, 0.0
 _TORCH_TIP = pin.SE3(pin.rpy.rpyToMatrix(0.0, np.radians(40.0), 0.0), np.array([0.06, 0.0, 0.38]))
 
 # Ogbemhe et al. (2019), Table 3 [deg], and the efforts of the KR150 R3100-2 [N m].
-LIMITS = Limits(
+LIMITS = JointLimits(
     position=tuple(np.radians([(-185, -140, -120, -350, -125, -350), (185, -5, 155, 350, 125, 350)])),
     velocity=np.radians([105, 101, 107, 292, 258, 284]),
     acceleration=np.radians([52, 50, 80, 136, 178, 206]),

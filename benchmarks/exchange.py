@@ -14,12 +14,12 @@ from rich.console import Console
 from rich.table import Table
 
 from ocp_traj import problems
-from ocp_traj.audit import audit
-from ocp_traj.scalarise import WeightedSum
+from ocp_traj.formulation.scalarise import WeightedSum
+from ocp_traj.proof.audit import audit
+from ocp_traj.results.trajectory import trajectory_of
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.ipopt import Ipopt
-from ocp_traj.trajectory import trajectory_of
-from ocp_traj.transcription import Instant, few_instants, transcribe, uniform_instants
+from ocp_traj.transcription.transcription import Instant, few_instants, transcribe, uniform_instants
 
 STARTS = 3
 

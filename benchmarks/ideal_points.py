@@ -9,9 +9,9 @@ found to be there. What is printed is rounded to six digits towards the better, 
 import argparse
 
 from ocp_traj import problems
-from ocp_traj.problem import Problem
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import EpsilonConstraint
 from ocp_traj.rounding import rounded_down, rounded_up
-from ocp_traj.scalarise import EpsilonConstraint
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart
 

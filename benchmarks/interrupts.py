@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ocp_traj.trajectory import Trajectory
+from ocp_traj.results.trajectory import Trajectory
 
 LIMIT = 3.0  # [s] of processor time from the signal to the end
 OPTIONS = {  # so that a command takes some 5 to 10 s

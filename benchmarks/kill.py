@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 import ocp_traj as ot
-from ocp_traj.front import Front
+from ocp_traj.results.front import Front
 
 OBJECTIVES = ("time", "energy")
 POINTS = 12

@@ -10,31 +10,31 @@ if TYPE_CHECKING:  # the same names for type checkers, which run no ``__getattr_
     from ocp_traj import curves as curves
     from ocp_traj import problems as problems
     from ocp_traj import solvers as solvers
-    from ocp_traj import standard as standard
     from ocp_traj.api import pareto as pareto
     from ocp_traj.api import payload as payload
     from ocp_traj.api import solve as solve
-    from ocp_traj.audit import audit as audit
-    from ocp_traj.bernstein import PiecewiseBezier as PiecewiseBezier
-    from ocp_traj.export import export as export
-    from ocp_traj.front import Front as Front
-    from ocp_traj.limits import Limits as Limits
-    from ocp_traj.objective import Objective as Objective
-    from ocp_traj.plot import plot_front as plot_front
-    from ocp_traj.plot import plot_trajectory as plot_trajectory
-    from ocp_traj.problem import Problem as Problem
-    from ocp_traj.problem import Variable as Variable
-    from ocp_traj.registry import register as register
-    from ocp_traj.requirements import DurationConstraint as DurationConstraint
-    from ocp_traj.requirements import PathConstraint as PathConstraint
-    from ocp_traj.requirements import PointConstraint as PointConstraint
-    from ocp_traj.requirements import Requirements as Requirements
-    from ocp_traj.requirements import State as State
-    from ocp_traj.robot import Robot as Robot
-    from ocp_traj.run_reader import load_run as load_run
-    from ocp_traj.solution import Solution as Solution
-    from ocp_traj.store import save_run as save_run
-    from ocp_traj.trajectory import Trajectory as Trajectory
+    from ocp_traj.curves.bernstein import PiecewiseBezier as PiecewiseBezier
+    from ocp_traj.formulation import standard as standard
+    from ocp_traj.formulation.objective import Objective as Objective
+    from ocp_traj.formulation.problem import Problem as Problem
+    from ocp_traj.formulation.problem import Variable as Variable
+    from ocp_traj.formulation.registry import register as register
+    from ocp_traj.formulation.requirements import DurationConstraint as DurationConstraint
+    from ocp_traj.formulation.requirements import PathConstraint as PathConstraint
+    from ocp_traj.formulation.requirements import PointConstraint as PointConstraint
+    from ocp_traj.formulation.requirements import Requirements as Requirements
+    from ocp_traj.formulation.requirements import State as State
+    from ocp_traj.io.export import export as export
+    from ocp_traj.io.plot import plot_front as plot_front
+    from ocp_traj.io.plot import plot_trajectory as plot_trajectory
+    from ocp_traj.io.run_reader import load_run as load_run
+    from ocp_traj.io.store import save_run as save_run
+    from ocp_traj.proof.audit import audit as audit
+    from ocp_traj.results.front import Front as Front
+    from ocp_traj.results.solution import Solution as Solution
+    from ocp_traj.results.trajectory import Trajectory as Trajectory
+    from ocp_traj.robot.joint_limits import JointLimits as JointLimits
+    from ocp_traj.robot.robot import Robot as Robot
 
 # In a checkout `problems/` and `solvers/` lie beside this package, not in it, and from the repository root this package
 # hides an installed one: without these lines `import ocp_traj.problems` fails there after a plain install.
@@ -47,32 +47,32 @@ if (_checkout / "pyproject.toml").is_file() and (_checkout / "problems" / "__ini
 _PUBLIC = {
     "problems": "ocp_traj.problems",
     "solvers": "ocp_traj.solvers",
-    "standard": "ocp_traj.standard",
+    "standard": "ocp_traj.formulation.standard",
     "solve": "ocp_traj.api:solve",
     "pareto": "ocp_traj.api:pareto",
     "payload": "ocp_traj.api:payload",
-    "register": "ocp_traj.registry:register",
-    "load_run": "ocp_traj.run_reader:load_run",
-    "save_run": "ocp_traj.store:save_run",
-    "export": "ocp_traj.export:export",
-    "audit": "ocp_traj.audit:audit",
-    "plot_front": "ocp_traj.plot:plot_front",
-    "plot_trajectory": "ocp_traj.plot:plot_trajectory",
-    "Problem": "ocp_traj.problem:Problem",
-    "Variable": "ocp_traj.problem:Variable",
-    "Objective": "ocp_traj.objective:Objective",
-    "Requirements": "ocp_traj.requirements:Requirements",
-    "State": "ocp_traj.requirements:State",
-    "PathConstraint": "ocp_traj.requirements:PathConstraint",
-    "PointConstraint": "ocp_traj.requirements:PointConstraint",
-    "DurationConstraint": "ocp_traj.requirements:DurationConstraint",
-    "Robot": "ocp_traj.robot:Robot",
-    "Limits": "ocp_traj.limits:Limits",
-    "PiecewiseBezier": "ocp_traj.bernstein:PiecewiseBezier",
-    "curves": "ocp_traj.curves",
-    "Trajectory": "ocp_traj.trajectory:Trajectory",
-    "Solution": "ocp_traj.solution:Solution",
-    "Front": "ocp_traj.front:Front",
+    "register": "ocp_traj.formulation.registry:register",
+    "load_run": "ocp_traj.io.run_reader:load_run",
+    "save_run": "ocp_traj.io.store:save_run",
+    "export": "ocp_traj.io.export:export",
+    "audit": "ocp_traj.proof.audit:audit",
+    "plot_front": "ocp_traj.io.plot:plot_front",
+    "plot_trajectory": "ocp_traj.io.plot:plot_trajectory",
+    "Problem": "ocp_traj.formulation.problem:Problem",
+    "Variable": "ocp_traj.formulation.problem:Variable",
+    "Objective": "ocp_traj.formulation.objective:Objective",
+    "Requirements": "ocp_traj.formulation.requirements:Requirements",
+    "State": "ocp_traj.formulation.requirements:State",
+    "PathConstraint": "ocp_traj.formulation.requirements:PathConstraint",
+    "PointConstraint": "ocp_traj.formulation.requirements:PointConstraint",
+    "DurationConstraint": "ocp_traj.formulation.requirements:DurationConstraint",
+    "Robot": "ocp_traj.robot.robot:Robot",
+    "JointLimits": "ocp_traj.robot.joint_limits:JointLimits",
+    "PiecewiseBezier": "ocp_traj.curves.bernstein:PiecewiseBezier",
+    "curves": "ocp_traj.curves.families",
+    "Trajectory": "ocp_traj.results.trajectory:Trajectory",
+    "Solution": "ocp_traj.results.solution:Solution",
+    "Front": "ocp_traj.results.front:Front",
 }
 
 

@@ -5,14 +5,15 @@ To import the command line takes a second or more, so what it needs is imported 
 
 import sys
 
-from ocp_traj import standard_streams, stopping
+from ocp_traj import stopping
+from ocp_traj.cli import standard_streams
 
 
 def main() -> None:
     """Entry point of the ``ocp-traj`` script."""
     stopping.obey_signals()
     standard_streams.repair()
-    from ocp_traj.cli import run
+    from ocp_traj.cli.commands import run
 
     code = run()
     stopping.ignore_signals()

@@ -12,17 +12,19 @@ from typing import Any
 import numpy as np
 
 from ocp_traj import problems
-from ocp_traj.alternatives import best_front
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound, cut, quoted
-from ocp_traj.fixed_states import fixed_conflicts
-from ocp_traj.front import Front
-from ocp_traj.nlp import Status
-from ocp_traj.problem import Decomposition, Problem
+from ocp_traj.formulation.problem import Decomposition, Problem
+from ocp_traj.formulation.scalarise import Scalarisation, WeightedSum, check_names
+from ocp_traj.io.store import Run, request
 from ocp_traj.progress import Progress, silent
-from ocp_traj.records import Found, Record, ignore
-from ocp_traj.scalarise import Scalarisation, WeightedSum, check_names
-from ocp_traj.solution import Solution
+from ocp_traj.results.alternatives import best_front
+from ocp_traj.results.front import Front
+from ocp_traj.results.pareto_set import ENDED_AFTER, FrontMethod, proved_front
+from ocp_traj.results.records import Found, Record, ignore
+from ocp_traj.results.solution import Solution
+from ocp_traj.results.time_scaling import largest_excess
+from ocp_traj.results.trajectory import Trajectory, audit_points, case_fields
 from ocp_traj.solvers.branch_and_bound import BranchAndBound, is_certifiable, require_certifiable
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
@@ -31,15 +33,13 @@ from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.nsga2 import NSGA2
-from ocp_traj.solvers.pareto_set import ENDED_AFTER, FrontMethod, proved_front
 from ocp_traj.solvers.payload import OBJECTIVE as PAYLOAD_MASS
 from ocp_traj.solvers.payload import LargestPayload, along, static_bound, within
 from ocp_traj.solvers.pso import PSO
-from ocp_traj.solvers.repair import largest_excess
 from ocp_traj.stopping import current, stopping
-from ocp_traj.store import Run, request
-from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import Trajectory, audit_points, case_fields
+from ocp_traj.transcription.end_states import fixed_conflicts
+from ocp_traj.transcription.nlp import Status
+from ocp_traj.transcription.symbolic import evaluate_objectives
 
 FRONT_METHODS: dict[str, type[Any]] = {"trace": FrontTracer, "nsga2": NSGA2, "mopso": MOPSO, "hmoga": HMOGA}
 METHODS = tuple(FRONT_METHODS)

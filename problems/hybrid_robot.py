@@ -9,10 +9,10 @@ import casadi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ocp_traj.chain import AxisJoint, DHRow, LinkInertia
 from ocp_traj.errors import InputError
-from ocp_traj.limits import Limits
-from ocp_traj.robot import ActuatorMap, Robot
+from ocp_traj.robot.chain import AxisJoint, DHRow, LinkInertia
+from ocp_traj.robot.joint_limits import JointLimits
+from ocp_traj.robot.robot import ActuatorMap, Robot
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ TABLE_4 = (
 )
 
 # Table 2, SI.
-LIMITS = Limits(
+LIMITS = JointLimits(
     position=((0.0, 0.0, 0.0, -pi, -pi), (1.0, 1.0, 0.5, pi, pi)),
     velocity=(0.25, 0.25, 0.25, 1.96, 1.96),
     acceleration=(5.0, 5.0, 5.0, 60.0, 60.0),

@@ -23,16 +23,16 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj import standard
-from ocp_traj.case import check, choice, number, numbers
-from ocp_traj.curves import cubic_spline_free_ends
+from ocp_traj.curves.families import cubic_spline_free_ends
 from ocp_traj.errors import InputError
-from ocp_traj.objective import MIDPOINT, TRAPEZOID, Objective
-from ocp_traj.problem import Problem, Variable
+from ocp_traj.formulation import standard
+from ocp_traj.formulation.case import check, choice, number, numbers
+from ocp_traj.formulation.objective import MIDPOINT, TRAPEZOID, Objective
+from ocp_traj.formulation.problem import Problem, Variable
+from ocp_traj.formulation.requirements import PathConstraint, Requirements, State
 from ocp_traj.problems.hybrid_robot import GRAVITY, JOINTS, L1, LIMITS, UNITS
 from ocp_traj.problems.hybrid_robot import inverse_kinematics as inverse_kinematics
 from ocp_traj.problems.hybrid_robot import robot as robot
-from ocp_traj.requirements import PathConstraint, Requirements, State
 
 Array = NDArray[np.float64]
 

@@ -16,10 +16,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 from pinocchio.rpy import rpyToMatrix
 
-from ocp_traj.chain import AxisJoint, LinkInertia
-from ocp_traj.dynamics import Friction
-from ocp_traj.limits import Limits
-from ocp_traj.robot import Robot
+from ocp_traj.robot.chain import AxisJoint, LinkInertia
+from ocp_traj.robot.dynamics import Friction
+from ocp_traj.robot.joint_limits import JointLimits
+from ocp_traj.robot.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ def robot(payload: float = 0.0, *, riser: float = 0.0, gravity: float = 9.81) ->
         tool=flange * pin.SE3(rpyToMatrix(0.0, np.radians(TIP[1]), 0.0), np.array(TIP[0])),
         joints=JOINTS,
         units=("rad",) * 6,
-        limits=Limits(
+        limits=JointLimits(
             position=np.radians(POSITION),
             velocity=np.radians(VELOCITY),
             acceleration=np.radians(ACCELERATION),

@@ -25,18 +25,18 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from ocp_traj import standard
-from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.case import check, choice, number, numbers
-from ocp_traj.chain import AxisJoint, LinkInertia
-from ocp_traj.curves import polynomial_353
+from ocp_traj.curves.bernstein import PiecewiseBezier
+from ocp_traj.curves.families import polynomial_353
 from ocp_traj.errors import InputError
-from ocp_traj.limits import Limits
-from ocp_traj.objective import Objective, gauss
-from ocp_traj.problem import Decomposition, Problem, Variable
-from ocp_traj.requirements import PathConstraint, Requirements, State
-from ocp_traj.robot import ActuatorMap, Robot
-from ocp_traj.six_axis import Branches, SixAxisArm, wrapped
+from ocp_traj.formulation import standard
+from ocp_traj.formulation.case import check, choice, number, numbers
+from ocp_traj.formulation.objective import Objective, gauss
+from ocp_traj.formulation.problem import Decomposition, Problem, Variable
+from ocp_traj.formulation.requirements import PathConstraint, Requirements, State
+from ocp_traj.robot.chain import AxisJoint, LinkInertia
+from ocp_traj.robot.joint_limits import JointLimits
+from ocp_traj.robot.robot import ActuatorMap, Robot
+from ocp_traj.robot.six_axis import Branches, SixAxisArm, wrapped
 
 Array = NDArray[np.float64]
 Six = tuple[float, ...]
@@ -281,7 +281,7 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
             PathConstraint("position-limit", lambda s: serial_angles(s.q), low, high, ("rad",) * 6, labels, "maker")
         )
     given = {name: getattr(case, name) for name in ("velocity", "acceleration", "jerk")}
-    bounds = Limits(**{name: np.radians([values[j] for j in chosen]) for name, values in given.items() if values})
+    bounds = JointLimits(**{name: np.radians([values[j] for j in chosen]) for name, values in given.items() if values})
     units, kinds = ("rad",) * count, {"velocity": "(14)", "acceleration": "(15)", "jerk": "ours"}
     limits += standard.joint_limits(bounds, joints, units, kinds)
     if whole and case.effort_limits:

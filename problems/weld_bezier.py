@@ -29,22 +29,29 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj import standard
-from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.case import check, choice, number, numbers
-from ocp_traj.curves import nonic
+from ocp_traj.curves.bernstein import PiecewiseBezier
+from ocp_traj.curves.families import nonic
+from ocp_traj.curves.motion import Motion
 from ocp_traj.errors import InputError
-from ocp_traj.motion import Motion
-from ocp_traj.objective import Objective, gauss
-from ocp_traj.pieces import Pieces, at_piece
-from ocp_traj.polyline_seam import PolylineSeam
-from ocp_traj.problem import Problem, Variable
+from ocp_traj.formulation import standard
+from ocp_traj.formulation.case import check, choice, number, numbers
+from ocp_traj.formulation.objective import Objective, gauss
+from ocp_traj.formulation.problem import Problem, Variable
+from ocp_traj.formulation.requirements import (
+    ORDERS,
+    DurationConstraint,
+    PathConstraint,
+    PointConstraint,
+    Requirements,
+    State,
+)
+from ocp_traj.paths.pieces import Pieces, at_piece
+from ocp_traj.paths.polyline_seam import PolylineSeam
+from ocp_traj.paths.seam import Placement, Seam, TubeSeam
+from ocp_traj.paths.tracking import pose_function
 from ocp_traj.problems import kr90
 from ocp_traj.problems.weld_start import Start, at_rest, find_start, least_time
-from ocp_traj.requirements import ORDERS, DurationConstraint, PathConstraint, PointConstraint, Requirements, State
-from ocp_traj.robot import Robot
-from ocp_traj.seam import Placement, Seam, TubeSeam
-from ocp_traj.tracking import pose_function
+from ocp_traj.robot.robot import Robot
 
 Array = NDArray[np.float64]
 Six = tuple[float, float, float, float, float, float]
@@ -92,7 +99,7 @@ class Ogbemhe2019:
     mirrored: bool = False  # the other brace of a K joint
     origin: tuple[float, float, float] = (2.05, 0.0, 1.0)  # [m], where the tubes' axes cross
     yaw: float = 180.0  # [deg] of the chord
-    seam_file: str = ""  # a CSV file of points and normals in place of the tubes; see ocp_traj.polyline_seam
+    seam_file: str = ""  # a CSV file of points and normals in place of the tubes; see ocp_traj.paths.polyline_seam
     riser: float = 0.6  # [m], height the robot stands on
     tags: int = number(9, what="a whole number", least=2, most=MOST_TAGS)  # along the seam
     weld_speed: float = number(0.008, "m/s", above=0.0)

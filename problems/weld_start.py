@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.curves import nonic
+from ocp_traj.curves.families import nonic
 from ocp_traj.errors import InputError
-from ocp_traj.pieces import Pieces, pieces
+from ocp_traj.paths.pieces import Pieces, pieces
+from ocp_traj.paths.seam import Seam
+from ocp_traj.paths.tracking import Fit, fit_path, perpendicular, pose_function
 from ocp_traj.problems import kr90
-from ocp_traj.robot import Robot
-from ocp_traj.seam import Seam
-from ocp_traj.tracking import Fit, fit_path, perpendicular, pose_function
+from ocp_traj.robot.robot import Robot
 
 Array = NDArray[np.float64]
 Case = Any  # the paper's, which is built on this file: no import can name it

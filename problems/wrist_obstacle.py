@@ -26,18 +26,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from ocp_traj import standard
-from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.case import check, choice, number, numbers
-from ocp_traj.chain import AxisJoint, LinkInertia
-from ocp_traj.curves import quartic_quintic
+from ocp_traj.curves.bernstein import PiecewiseBezier
+from ocp_traj.curves.families import quartic_quintic
 from ocp_traj.errors import InputError
-from ocp_traj.limits import Limits
-from ocp_traj.objective import Objective
-from ocp_traj.problem import Problem, Variable
-from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State
-from ocp_traj.robot import Robot
-from ocp_traj.rows import Conflict
+from ocp_traj.formulation import standard
+from ocp_traj.formulation.case import check, choice, number, numbers
+from ocp_traj.formulation.objective import Objective
+from ocp_traj.formulation.problem import Problem, Variable
+from ocp_traj.formulation.requirements import PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.formulation.rows import Conflict
+from ocp_traj.robot.chain import AxisJoint, LinkInertia
+from ocp_traj.robot.joint_limits import JointLimits
+from ocp_traj.robot.robot import Robot
 
 Array = NDArray[np.float64]
 Point = tuple[float, float, float]
@@ -210,7 +210,7 @@ def robot(case: ElHaiek2019) -> Robot:
         prefix=tuple(AxisJoint("revolute", axis=axis, inertia=link) for axis, link in zip(axes, links, strict=True)),
         joints=JOINTS,
         units=UNITS,
-        limits=Limits(
+        limits=JointLimits(
             position=(tuple(-b for b in case.max_position), case.max_position),
             velocity=case.max_velocity,
             acceleration=case.max_acceleration,

@@ -18,7 +18,7 @@ A box of ratios, with the times between its bound so far and the best known, is 
   the multipliers of the best solution. Its gradient nearly vanishes there: a bound of second order, without which boxes
   pile up around the optimum.
 
-All of it in outward-rounded intervals (``ocp_traj.tape``); Moore, Kearfott and Cloud, *Introduction to Interval
+All of it in outward-rounded intervals (``tape``); Moore, Kearfott and Cloud, *Introduction to Interval
 Analysis* (2009), chapters 6 and 11.
 """
 
@@ -36,17 +36,17 @@ from scipy.optimize import nnls
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
-from ocp_traj.evaluate import limit_on
-from ocp_traj.problem import Problem
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.requirements import ORDERS, PathConstraint
+from ocp_traj.formulation.scalarise import Scalarisation
+from ocp_traj.interval.tape import Tape
 from ocp_traj.progress import Progress, silent
-from ocp_traj.requirements import ORDERS, PathConstraint
-from ocp_traj.scalarise import Scalarisation
-from ocp_traj.solution import Certificate, Solution
+from ocp_traj.proof.values import limit_on
+from ocp_traj.results.solution import Certificate, Solution
+from ocp_traj.results.trajectory import Trajectory, trajectory_of
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.stopping import STOPS, Stopping, stopping
-from ocp_traj.symbolic import variables_function
-from ocp_traj.tape import Tape
-from ocp_traj.trajectory import Trajectory, trajectory_of
+from ocp_traj.transcription.symbolic import variables_function
 
 Array = NDArray[np.float64]
 

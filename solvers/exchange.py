@@ -17,23 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.nlp import NLP, NLPResult, Status
-from ocp_traj.problem import Problem
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.requirements import PathConstraint
+from ocp_traj.formulation.rows import Row
+from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.progress import Progress, silent
-from ocp_traj.requirements import PathConstraint
-from ocp_traj.rows import Row
-from ocp_traj.scalarise import Scalarisation
-from ocp_traj.solution import Solution
-from ocp_traj.solvers.incumbent import no_worse_than
+from ocp_traj.proof.verdicts import Audit
+from ocp_traj.results.incumbent import no_worse_than
+from ocp_traj.results.solution import Solution
+from ocp_traj.results.time_scaling import largest_excess, slow_down
+from ocp_traj.results.trajectory import audit_points, trajectory_of
 from ocp_traj.solvers.ipopt import Ipopt
-from ocp_traj.solvers.peaks import along, frozen, where
-from ocp_traj.solvers.repair import largest_excess, slow_down
-from ocp_traj.solvers.turning import turned
-from ocp_traj.solvers.worst_instants import worst_instants
-from ocp_traj.symbolic import evaluate_objectives, variations
-from ocp_traj.trajectory import audit_points, trajectory_of
-from ocp_traj.transcription import BACK_OFF, Instant, few_instants, transcribe
-from ocp_traj.verdicts import Audit
+from ocp_traj.transcription.nlp import NLP, NLPResult, Status
+from ocp_traj.transcription.peaks import along, frozen, where
+from ocp_traj.transcription.symbolic import evaluate_objectives, variations
+from ocp_traj.transcription.transcription import BACK_OFF, Instant, few_instants, transcribe
+from ocp_traj.transcription.turning_points import turned
+from ocp_traj.transcription.worst_instants import worst_instants
 
 Array = NDArray[np.float64]
 

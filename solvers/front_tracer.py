@@ -23,19 +23,19 @@ from pymoo.util.ref_dirs import get_reference_directions
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound
-from ocp_traj.nlp import Status
-from ocp_traj.population import Population
-from ocp_traj.problem import Problem
+from ocp_traj.evolution.population import Population
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation
 from ocp_traj.progress import Progress, silent
-from ocp_traj.records import Found, ignore, of_solve
-from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation
-from ocp_traj.solution import Solution
+from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet
+from ocp_traj.results.records import Found, ignore, of_solve
+from ocp_traj.results.solution import Solution
+from ocp_traj.results.trajectory import audit_points
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart, best_of
-from ocp_traj.solvers.pareto_set import ENDED_AFTER, ParetoSet
 from ocp_traj.stopping import STOPS, stopping
-from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import audit_points
+from ocp_traj.transcription.nlp import Status
+from ocp_traj.transcription.symbolic import evaluate_objectives
 
 Array = NDArray[np.float64]
 

@@ -19,11 +19,11 @@ from pymoo.operators.selection.tournament import TournamentSelection
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, quoted
-from ocp_traj.problem import Problem
+from ocp_traj.evolution.evolution import Evolution, Vectorised, evolve, require_sizes, single_objective, solution_of
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.progress import Progress, silent
-from ocp_traj.scalarise import Scalarisation
-from ocp_traj.solution import Solution
-from ocp_traj.solvers.evolution import Evolution, Vectorised, evolve, require_sizes, single_objective, solution_of
+from ocp_traj.results.solution import Solution
 
 Array = NDArray[np.float64]
 

@@ -30,16 +30,16 @@ from pymoo.operators.mutation.pm import PM
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
-from ocp_traj.problem import Problem
+from ocp_traj.evolution.elitism import ControlledElitism
+from ocp_traj.evolution.evolution import WORST, Vectorised, ended_after, evolve, require_sizes
+from ocp_traj.evolution.generations import Watch
+from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent
-from ocp_traj.records import Found, ignore
-from ocp_traj.solvers.attainment import refine, well_spaced
-from ocp_traj.solvers.elitism import ControlledElitism
-from ocp_traj.solvers.evolution import WORST, Vectorised, ended_after, evolve, require_sizes
+from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet
+from ocp_traj.results.records import Found, ignore
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
-from ocp_traj.solvers.generations import Watch
-from ocp_traj.solvers.pareto_set import ENDED_AFTER, ParetoSet
+from ocp_traj.solvers.refinement import refine, well_spaced
 from ocp_traj.stopping import Stopping, stopping
 
 Array = NDArray[np.float64]

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
-from ocp_traj.nlp import NLP, NLPResult, Status
-from ocp_traj.rows import Conflict, Row
+from ocp_traj.formulation.rows import Conflict, Row
 from ocp_traj.stopping import current, stopping
+from ocp_traj.transcription.nlp import NLP, NLPResult, Status
 
 Array = NDArray[np.float64]
 

@@ -18,11 +18,11 @@ from pymoo.core.sampling import Sampling
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
-from ocp_traj.problem import Problem
+from ocp_traj.evolution.evolution import Vectorised, evolve, front_of, require_sizes
+from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent
-from ocp_traj.records import Found, ignore
-from ocp_traj.solvers.evolution import Vectorised, evolve, front_of, require_sizes
-from ocp_traj.solvers.pareto_set import ParetoSet
+from ocp_traj.results.pareto_set import ParetoSet
+from ocp_traj.results.records import Found, ignore
 
 Array = NDArray[np.float64]
 

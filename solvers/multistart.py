@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.nlp import NLP, NLPResult, Status
-from ocp_traj.optima import distinct, with_sampled
-from ocp_traj.problem import Problem
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import Scalarisation, WeightedSum
 from ocp_traj.progress import Progress, silent
-from ocp_traj.scalarise import Scalarisation, WeightedSum
-from ocp_traj.solution import Solution
+from ocp_traj.results.incumbent import no_worse_than
+from ocp_traj.results.optima import distinct, with_sampled
+from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.solvers.incumbent import no_worse_than
 from ocp_traj.stopping import STOPS, stopping
+from ocp_traj.transcription.nlp import NLP, NLPResult, Status
 
 Array = NDArray[np.float64]
 _Pair = tuple[NLPResult, Solution]  # of a first NLP, and what it led to

@@ -15,11 +15,11 @@ from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.pm import PM
 
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.problem import Problem
+from ocp_traj.evolution.evolution import Vectorised, evolve, front_of, require_sizes
+from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent
-from ocp_traj.records import Found, ignore
-from ocp_traj.solvers.evolution import Vectorised, evolve, front_of, require_sizes
-from ocp_traj.solvers.pareto_set import ParetoSet
+from ocp_traj.results.pareto_set import ParetoSet
+from ocp_traj.results.records import Found, ignore
 
 
 @dataclass(frozen=True)

@@ -14,17 +14,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.audit import audit_all
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound
-from ocp_traj.fixed_states import fixed_values
-from ocp_traj.problem import Problem
-from ocp_traj.scalarise import EpsilonConstraint
-from ocp_traj.solution import Solution
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import EpsilonConstraint
+from ocp_traj.proof.audit import audit_all
+from ocp_traj.proof.verdicts import Audit
+from ocp_traj.results.solution import Solution
+from ocp_traj.results.trajectory import Trajectory
 from ocp_traj.solvers.multistart import Multistart
 from ocp_traj.stopping import current
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.verdicts import Audit
+from ocp_traj.transcription.end_states import fixed_values
 
 Array = NDArray[np.float64]
 

@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import BPoly, CubicSpline
 
-from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.nlp import NLP
-from ocp_traj.objective import Objective, gauss
-from ocp_traj.problem import Problem, Variable
-from ocp_traj.requirements import SWEEP, PathConstraint, PointConstraint, Requirements, State
-from ocp_traj.rows import Row
+from ocp_traj.curves.bernstein import PiecewiseBezier
+from ocp_traj.formulation.objective import Objective, gauss
+from ocp_traj.formulation.problem import Problem, Variable
+from ocp_traj.formulation.requirements import SWEEP, PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.formulation.rows import Row
+from ocp_traj.transcription.nlp import NLP
 
 Array = npt.NDArray[np.float64]
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from ocp_traj import problems
-from ocp_traj.problem import Problem
-from ocp_traj.scalarise import WeightedSum
-from ocp_traj.solution import Solution
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import WeightedSum
+from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
 
 

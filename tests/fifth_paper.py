@@ -17,7 +17,7 @@ import casadi
 import numpy as np
 
 import ocp_traj as ot
-from ocp_traj.case import check, number, numbers
+from ocp_traj.formulation.case import check, number, numbers
 
 JOINTS, UNITS = ("x", "y"), ("m", "m")
 
@@ -49,7 +49,7 @@ def build(case: FlashHogan1985 | None = None) -> ot.Problem:
         return ot.PiecewiseBezier([case.duration], (casadi.vertcat(*rows),))
 
     bounds = np.full(4, 2.0)
-    limits = ot.Limits(velocity=(case.max_speed,) * 2)
+    limits = ot.JointLimits(velocity=(case.max_speed,) * 2)
     jerk = ot.Objective("jerk", "m2/s5", 100.0, eq="(1)", integrand=lambda s: 0.5 * casadi.sumsqr(s.jerk))
     return ot.Problem(
         id="fifth-paper",

@@ -24,12 +24,12 @@ from typing import Any
 
 import numpy as np
 
-from ocp_traj.audit import audit
-from ocp_traj.cli import run as command_line
+from ocp_traj.cli.commands import run as command_line
 from ocp_traj.errors import OcpTrajError
-from ocp_traj.limits_file import read_requirements
-from ocp_traj.run_reader import load_run
-from ocp_traj.trajectory import Trajectory
+from ocp_traj.io.requirements_file import read_requirements
+from ocp_traj.io.run_reader import load_run
+from ocp_traj.proof.audit import audit
+from ocp_traj.results.trajectory import Trajectory
 from tests.independent import limits
 from tests.independent.check import broken, excesses
 from tests.mutants import HEAVY, QUICK, Mutant, made

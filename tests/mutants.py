@@ -10,9 +10,9 @@ from scipy.interpolate import CubicSpline
 
 from ocp_traj import problems
 from ocp_traj.errors import OcpTrajError
-from ocp_traj.front import Front
-from ocp_traj.store import save_run
-from ocp_traj.trajectory import Trajectory
+from ocp_traj.io.store import save_run
+from ocp_traj.results.front import Front
+from ocp_traj.results.trajectory import Trajectory
 from tests import mutations, text_mutations
 from tests.mutations import Data, Rng, pick
 from tests.sound import SLOW, TABLE_7, sound

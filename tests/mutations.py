@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ocp_traj import problems
-from ocp_traj.trajectory import trajectory_of
+from ocp_traj.results.trajectory import trajectory_of
 from tests.independent.check import PROBLEMS
 
 Data = dict[str, Any]

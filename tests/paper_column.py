@@ -2,9 +2,9 @@
 
 from collections.abc import Iterable
 
-from ocp_traj.comparison import Comparison, Run
 from ocp_traj.problems import rotor_353
 from ocp_traj.reproductions import hybrid_spline_tables
+from ocp_traj.reproductions.comparison import Comparison, Run
 from ocp_traj.reproductions.weld_bezier_tables import TABLE_2
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from ocp_traj.dynamics import joint_is_revolute
-from ocp_traj.limits import Limits
-from ocp_traj.robot import Robot
+from ocp_traj.robot.dynamics import joint_is_revolute
+from ocp_traj.robot.joint_limits import JointLimits
+from ocp_traj.robot.robot import Robot
 
 Array = npt.NDArray[np.float64]
 ALIGNED = {
@@ -82,6 +82,6 @@ def random_robot(rng: np.random.Generator, joints: int) -> Robot:
         model=model,
         joints=tuple(model.names)[1:],
         units=tuple("rad" if joint_is_revolute(model, i) else "m" for i in range(1, model.njoints)),
-        limits=Limits(position=(middle - 2.0, middle + 2.0), **symmetric),
+        limits=JointLimits(position=(middle - 2.0, middle + 2.0), **symmetric),
         tool=random_placement(rng),
     )

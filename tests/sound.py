@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ocp_traj import problems
-from ocp_traj.trajectory import Trajectory, trajectory_of
+from ocp_traj.results.trajectory import Trajectory, trajectory_of
 
 TABLE_7 = (0.330, 0.837, 0.803, 0.569, 0.477, 0.382, 0.348, 0.348, 0.392, 0.552, 0.732, 0.420)  # h [s], Guo et al.
 SLOW = (0.6, 1.0, 0.8)  # [s], within every limit of Zhu and Wang's arm

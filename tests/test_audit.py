@@ -25,14 +25,10 @@ from scipy.interpolate import BPoly, CubicSpline, PchipInterpolator
 
 from benchmarks.audit import JOINTS, six_joint_arm, tag_to_tag, torque
 from ocp_traj import problems
-from ocp_traj import prover as prover_module
-from ocp_traj.audit import audit, audit_all
-from ocp_traj.bernstein import PiecewiseBezier, basis
-from ocp_traj.curves import cubic_spline_free_ends
+from ocp_traj.curves.bernstein import PiecewiseBezier, basis
+from ocp_traj.curves.families import cubic_spline_free_ends
 from ocp_traj.errors import InputError, KinkedExpression, ProblemDefinitionError, UnsupportedOperation
-from ocp_traj.evaluate import limit_on
-from ocp_traj.prover import curvature_function, domain_function
-from ocp_traj.requirements import (
+from ocp_traj.formulation.requirements import (
     ORDERS,
     DurationConstraint,
     ParameterBound,
@@ -41,11 +37,15 @@ from ocp_traj.requirements import (
     Requirements,
     State,
 )
-from ocp_traj.robot import Robot
-from ocp_traj.tape import Tape
-from ocp_traj.trajectory import Trajectory
-from ocp_traj.trajectory import trajectory_of as of_vector
-from ocp_traj.verdicts import ALLOWANCE, CHECKED, PROVED, UNDECIDED, VIOLATED, Audit, AuditRow
+from ocp_traj.interval.tape import Tape
+from ocp_traj.proof import prover as prover_module
+from ocp_traj.proof.audit import audit, audit_all
+from ocp_traj.proof.prover import curvature_function, domain_function
+from ocp_traj.proof.values import limit_on
+from ocp_traj.proof.verdicts import ALLOWANCE, CHECKED, PROVED, UNDECIDED, VIOLATED, Audit, AuditRow
+from ocp_traj.results.trajectory import Trajectory
+from ocp_traj.results.trajectory import trajectory_of as of_vector
+from ocp_traj.robot.robot import Robot
 from tests.random_robots import random_robot
 
 Array = NDArray[np.float64]

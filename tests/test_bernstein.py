@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import BPoly, CubicSpline, PPoly
 
-from ocp_traj.bernstein import PiecewiseBezier, basis, difference_matrix, elevation_matrix, subdivision_matrix
+from ocp_traj.curves.bernstein import PiecewiseBezier, basis, difference_matrix, elevation_matrix, subdivision_matrix
 from ocp_traj.errors import InputError, ProblemDefinitionError
 
 EPS = np.finfo(float).eps

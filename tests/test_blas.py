@@ -15,10 +15,10 @@ import threadpoolctl
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
-from ocp_traj.nlp import NLP
+from ocp_traj.formulation.rows import Row
 from ocp_traj.problems import load
-from ocp_traj.rows import Row
 from ocp_traj.solvers.ipopt import Ipopt
+from ocp_traj.transcription.nlp import NLP
 
 ROOT = Path(__file__).parents[1]
 SIZE = 250  # of a dense NLP: with two threads its last bits differ

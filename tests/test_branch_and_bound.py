@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 from ocp_traj import problems
-from ocp_traj.audit import audit
-from ocp_traj.curves import polynomial_353
+from ocp_traj.curves.families import polynomial_353
 from ocp_traj.errors import InputError
-from ocp_traj.nlp import Status
-from ocp_traj.objective import Objective
-from ocp_traj.problem import Problem, Variable
-from ocp_traj.requirements import PathConstraint, Requirements
-from ocp_traj.scalarise import EpsilonConstraint, WeightedSum
-from ocp_traj.solution import Certificate, Solution
+from ocp_traj.formulation.objective import Objective
+from ocp_traj.formulation.problem import Problem, Variable
+from ocp_traj.formulation.requirements import PathConstraint, Requirements
+from ocp_traj.formulation.scalarise import EpsilonConstraint, WeightedSum
+from ocp_traj.proof.audit import audit
+from ocp_traj.results.solution import Certificate, Solution
+from ocp_traj.results.trajectory import trajectory_of
 from ocp_traj.solvers.branch_and_bound import BranchAndBound, _Search
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.trajectory import trajectory_of
+from ocp_traj.transcription.nlp import Status
 
 TIME = WeightedSum({"time": 1.0})
 

@@ -16,9 +16,9 @@ import pandas as pd
 import pytest
 
 from ocp_traj import problems
-from ocp_traj.cli import run
+from ocp_traj.cli.commands import run
 from ocp_traj.problems import hybrid_spline
-from ocp_traj.trajectory import Trajectory, trajectory_of
+from ocp_traj.results.trajectory import Trajectory, trajectory_of
 
 Call = Callable[..., tuple[int, str, str]]
 

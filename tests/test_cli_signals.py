@@ -17,10 +17,11 @@ from typing import Any
 
 import pytest
 
-from ocp_traj import files, screen
-from ocp_traj.cli import run
-from ocp_traj.run_reader import load_run
-from ocp_traj.trajectory import Trajectory
+from ocp_traj import files
+from ocp_traj.cli import console
+from ocp_traj.cli.commands import run
+from ocp_traj.io.run_reader import load_run
+from ocp_traj.results.trajectory import Trajectory
 from tests.test_stopping import ctrl_c_at
 
 ROOT = Path(__file__).parents[1]
@@ -106,7 +107,7 @@ def pressed(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[int], None]]:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def press_at(call: int) -> None:
-        monkeypatch.setattr(screen, "progress", lambda title: nullcontext(ctrl_c_at(call)))
+        monkeypatch.setattr(console, "progress", lambda title: nullcontext(ctrl_c_at(call)))
 
     yield press_at
     signal.signal(signal.SIGINT, before)

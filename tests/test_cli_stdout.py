@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import ocp_traj
-from ocp_traj.cli import run
+from ocp_traj.cli.commands import run
 
 ROOT = Path(__file__).parents[1]
 

@@ -6,8 +6,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import CubicSpline
 
-from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.curves import cubic_spline_free_ends, nonic
+from ocp_traj.curves.bernstein import PiecewiseBezier
+from ocp_traj.curves.families import cubic_spline_free_ends, nonic
 from ocp_traj.errors import ProblemDefinitionError
 from tests.closed_form import clamped_spline
 

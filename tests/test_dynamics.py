@@ -11,8 +11,8 @@ import pinocchio as pin
 import pytest
 from casadi import SX
 
-from ocp_traj.dynamics import Payload, Wrench, forward_kinematics, inverse_dynamics, joint_friction
 from ocp_traj.errors import InputError, OcpTrajError, RobotDefinitionError, UnsupportedJoint
+from ocp_traj.robot.dynamics import Payload, Wrench, forward_kinematics, inverse_dynamics, joint_friction
 from tests.random_robots import Array, random_inertia, random_model, random_placement, random_states
 
 TOLERANCE = 1e-9  # [-], of max |tau|: the agreement the design asks for
@@ -237,7 +237,7 @@ def test_bad_arguments_are_explained() -> None:
 @pytest.mark.parametrize("order", ["casadi, pinocchio", "pinocchio, casadi"])
 def test_import_order_does_not_matter(order: str) -> None:
     code = (
-        f"import {order}; import pinocchio as pin; from ocp_traj.dynamics import inverse_dynamics;"
+        f"import {order}; import pinocchio as pin; from ocp_traj.robot.dynamics import inverse_dynamics;"
         "from casadi import SX; x = SX.sym('x', 6); inverse_dynamics(pin.buildSampleModelManipulator(), x, x, x)"
     )
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, timeout=120)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ocp_traj.enclosure import Arcs, parabola_bound, peak_fraction
-from ocp_traj.prover import MAX_SPLITS
+from ocp_traj.proof.enclosure import Arcs, parabola_bound, peak_fraction
+from ocp_traj.proof.prover import MAX_SPLITS
 
 Array = NDArray[np.float64]
 ORDERS = 6

@@ -9,20 +9,20 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from ocp_traj import problems
-from ocp_traj.audit import audit
-from ocp_traj.nlp import NLP, Status
-from ocp_traj.objective import Objective
-from ocp_traj.problem import Problem
-from ocp_traj.requirements import PathConstraint
-from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation, WeightedSum
-from ocp_traj.solution import Solution
+from ocp_traj.formulation.objective import Objective
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.requirements import PathConstraint
+from ocp_traj.formulation.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation, WeightedSum
+from ocp_traj.proof.audit import audit
+from ocp_traj.results.solution import Solution
+from ocp_traj.results.trajectory import trajectory_of
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.multistart import Multistart
-from ocp_traj.solvers.worst_instants import worst_instants
-from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import trajectory_of
-from ocp_traj.transcription import BACK_OFF, transcribe, uniform_instants
+from ocp_traj.transcription.nlp import NLP, Status
+from ocp_traj.transcription.symbolic import evaluate_objectives
+from ocp_traj.transcription.transcription import BACK_OFF, transcribe, uniform_instants
+from ocp_traj.transcription.worst_instants import worst_instants
 from tests.closed_form import Quintic, quintic_problem
 from tests.independent.check import broken, excesses
 from tests.independent.robots import LINKS, G

@@ -8,16 +8,16 @@ import pandas as pd
 import pytest
 from pytest import approx
 
-from ocp_traj import export as export_module
 from ocp_traj import problems
-from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.errors import FileFormatError, InputError
-from ocp_traj.export import export
-from ocp_traj.front import Front
-from ocp_traj.records import of_population
-from ocp_traj.run_reader import load_run
-from ocp_traj.store import Run, request, save_run
-from ocp_traj.trajectory import Trajectory
+from ocp_traj.io import export as export_module
+from ocp_traj.io.export import export
+from ocp_traj.io.run_reader import load_run
+from ocp_traj.io.store import Run, request, save_run
+from ocp_traj.results.front import Front
+from ocp_traj.results.records import of_population
+from ocp_traj.results.trajectory import Trajectory
 from tests.closed_form import quintic_problem
 
 needs_pyarrow = pytest.mark.skipif(find_spec("pyarrow") is None, reason="needs ocp-traj[parquet]")

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from pytest import approx
 
-from ocp_traj import problems, screen
-from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj import problems
+from ocp_traj.cli import sheets
+from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.errors import InputError, UnknownName
-from ocp_traj.front import Front
-from ocp_traj.objective import Objective
-from ocp_traj.problem import Problem, Variable
-from ocp_traj.requirements import PathConstraint, Requirements
+from ocp_traj.formulation.objective import Objective
+from ocp_traj.formulation.problem import Problem, Variable
+from ocp_traj.formulation.requirements import PathConstraint, Requirements
+from ocp_traj.results.front import Front
 
 
 @dataclass(frozen=True)
@@ -188,7 +189,7 @@ def test_an_ideal_is_given_or_the_problems_or_that_of_the_ends_or_at_last_the_fr
     assert measured[1].to_dict()["ideal_from"] == "problem" and not measured[1].to_dict()["own_ideal"]
     assert front_of([(2.0, 2.0)], stored).hypervolume().value == approx(4.0 / 16.0)  # one point is no full box
     assert front_of([(5.0, 5.0)], stored).hypervolume((-1.0, -1.0)).value == 0.0
-    titles = [screen.front_sheet(front_of(STAIRS), m, Path("run")).tables[0][0] for m in measured]
+    titles = [sheets.front_sheet(front_of(STAIRS), m, Path("run")).tables[0][0] for m in measured]
     assert ["from its own ideal: not comparable" in title for title in titles] == [False, False, False, True]
 
 

@@ -7,20 +7,20 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from ocp_traj import problems
-from ocp_traj.audit import audit_all
 from ocp_traj.errors import InputError, NoSolutionFound, UnknownName
-from ocp_traj.front import Front
-from ocp_traj.nlp import Status
-from ocp_traj.problem import Problem
-from ocp_traj.scalarise import EpsilonConstraint, Scalarisation
-from ocp_traj.solution import Solution
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import EpsilonConstraint, Scalarisation
+from ocp_traj.proof.audit import audit_all
+from ocp_traj.results.front import Front
+from ocp_traj.results.pareto_set import ParetoSet
+from ocp_traj.results.solution import Solution
+from ocp_traj.results.trajectory import trajectory_of
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
 from ocp_traj.solvers.multistart import Multistart
 from ocp_traj.solvers.nsga2 import NSGA2
-from ocp_traj.solvers.pareto_set import ParetoSet
-from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import trajectory_of
+from ocp_traj.transcription.nlp import Status
+from ocp_traj.transcription.symbolic import evaluate_objectives
 from tests.closed_form import Quintic, quintic_problem, stairs_problem
 from tests.independent.check import broken, excesses
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ocp_traj.verdicts import Audit
+from ocp_traj.proof.verdicts import Audit
 from tests import fuzz
 
 

@@ -10,21 +10,21 @@ from pymoo.core.individual import Individual
 from pymoo.core.population import Population as PymooPopulation
 
 import ocp_traj as ot
-from ocp_traj import screen
-from ocp_traj.cli import run
+from ocp_traj.cli import sheets
+from ocp_traj.cli.commands import run
 from ocp_traj.errors import InputError, NoSolutionFound
-from ocp_traj.front import Front
-from ocp_traj.problem import Problem
-from ocp_traj.solution import Solution
-from ocp_traj.solvers.attainment import LEAST, refine, weights, well_spaced
-from ocp_traj.solvers.elitism import ControlledElitism, places_of_ranks
-from ocp_traj.solvers.evolution import Vectorised
+from ocp_traj.evolution.elitism import ControlledElitism, places_of_ranks
+from ocp_traj.evolution.evolution import Vectorised
+from ocp_traj.evolution.generations import Watch, best_points, crowding_distances, spread
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.results.front import Front
+from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.solvers.generations import Watch, best_points, crowding_distances, spread
 from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.solvers.nsga2 import NSGA2
+from ocp_traj.solvers.refinement import LEAST, refine, weights, well_spaced
 from ocp_traj.stopping import stopping
-from ocp_traj.symbolic import evaluate_objectives
+from ocp_traj.transcription.symbolic import evaluate_objectives
 from tests.closed_form import Quintic, quintic_problem, stairs_problem
 
 PAIR = ["time", "energy"]
@@ -266,7 +266,7 @@ def test_the_history_has_a_row_a_generation(front: Front) -> None:
 def test_it_says_that_not_all_of_the_genetic_front_was_refined(front: Front) -> None:
     assert front.info["points to refine"] == 3 < front.info["genetic front"]  # five with the ends
     words = f"3 points of the genetic front's {front.info['genetic front']} were to be refined; --points refines more"
-    assert words in list(screen.front_remarks(front))
+    assert words in list(sheets.front_remarks(front))
 
 
 def test_the_same_seed_gives_the_same_points_bit_by_bit_and_another_seed_others() -> None:

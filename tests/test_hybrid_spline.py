@@ -8,11 +8,11 @@ from scipy.interpolate import CubicSpline
 
 from ocp_traj import problems
 from ocp_traj.errors import InputError
-from ocp_traj.problem import Problem
+from ocp_traj.formulation.problem import Problem
 from ocp_traj.problems import hybrid_robot
 from ocp_traj.problems import hybrid_spline as paper
-from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import trajectory_of
+from ocp_traj.results.trajectory import trajectory_of
+from ocp_traj.transcription.symbolic import evaluate_objectives
 from tests.closed_form import clamped_spline
 from tests.independent.check import broken, excesses
 from tests.independent.hybrid import FORCE, TABLE_6

@@ -9,21 +9,23 @@ PLACES = {"ocp_traj": "ocp_traj", "problems": "ocp_traj.problems", "solvers": "o
 
 # From the ground up: what stands in a line may lean on its own line and on those above it, and on nothing below.
 LAYERS = (
-    "errors version progress arrays stopping blas standard_streams rounding files",
-    "intervals tape",  # a seam's error is enclosed as well, so they stand below it
-    "bernstein curves motion",
-    "robot chain limits urdf dynamics six_axis",
-    "seam pieces polyline_seam tracking",
-    "requirements objective rows problem scalarise standard case registry",
+    "version errors progress arrays stopping blas rounding files",
+    "interval",  # a seam's error is enclosed as well, so it stands below the paths
+    "curves",
+    "robot",
+    "paths",
+    "formulation",
     "problems",
-    "enclosure prover swept audit verdicts evaluate",
-    "symbolic local_derivatives nlp transcription fixed_states",
-    "provenance trajectory solution optima front front_table measures alternatives population",
-    "records solvers",
-    "limits_file journal run_folder store run_reader export plot",
+    "proof",
+    "transcription",
+    "results",
+    "evolution",
+    "solvers",
+    "io",
     "api",
-    "comparison reproductions reproduce",
-    "screen cli __main__ __init__",
+    "reproductions",
+    "cli",
+    "__main__ __init__",
 )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ocp_traj import problems
-from ocp_traj.trajectory import Trajectory
+from ocp_traj.results.trajectory import Trajectory
 from tests.independent import limits, motion
 from tests.independent.check import ORDERS, PROBLEMS, broken, excesses
 from tests.sound import VARIANTS, sound

@@ -12,13 +12,13 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from ocp_traj.errors import InputError, NoSolutionFound
-from ocp_traj.nlp import NLP, Status
-from ocp_traj.problem import Problem
-from ocp_traj.scalarise import WeightedSum
-from ocp_traj.solution import Solution
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import WeightedSum
+from ocp_traj.results.solution import Solution
 from ocp_traj.solvers import ipopt
 from ocp_traj.solvers.ipopt import Ipopt, matched_multipliers
-from ocp_traj.transcription import few_instants, transcribe
+from ocp_traj.transcription.nlp import NLP, Status
+from ocp_traj.transcription.transcription import few_instants, transcribe
 from tests.closed_form import Septic, septic_problem, small_nlp, via_constraint
 
 Rows = tuple[tuple[str, Callable[[Any], Any], float, float], ...]

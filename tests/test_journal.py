@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from ocp_traj.errors import FileFormatError
-from ocp_traj.journal import Journal, records
+from ocp_traj.io.journal import Journal, records
 
 THREE = [{"kind": "a", "x": [0.1, 1e-300]}, {"kind": "b", "x": [1 / 3]}, {"kind": "c", "words": "\n\u2028 }"}]
 
@@ -85,7 +85,7 @@ def test_a_full_disk_loses_the_record_that_did_not_fit_and_no_other(
 ) -> None:
     journal = Journal(path)
     with monkeypatch.context() as patch:
-        patch.setattr("ocp_traj.journal.open", lambda path, mode, **_: Filling(path, mode), raising=False)
+        patch.setattr("ocp_traj.io.journal.open", lambda path, mode, **_: Filling(path, mode), raising=False)
         with pytest.raises(FileFormatError, match="cannot write .*journal.jsonl: No space left on device; what it"):
             journal.append({"kind": "d"})
     assert records(path) == THREE and not path.read_bytes().endswith(b"\n")

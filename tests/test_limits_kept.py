@@ -6,8 +6,8 @@ import pytest
 
 import ocp_traj as ot
 from ocp_traj import problems
-from ocp_traj.solution import Solution
-from ocp_traj.trajectory import Trajectory
+from ocp_traj.results.solution import Solution
+from ocp_traj.results.trajectory import Trajectory
 from tests.independent.check import broken, excesses
 
 Changes = dict[str, Any]

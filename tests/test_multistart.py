@@ -9,14 +9,14 @@ from numpy.testing import assert_array_equal
 from numpy.typing import NDArray
 
 from ocp_traj.api import solve
-from ocp_traj.nlp import Status
-from ocp_traj.problem import Problem
-from ocp_traj.requirements import PathConstraint
-from ocp_traj.scalarise import EpsilonConstraint, Scalarisation, WeightedSum
-from ocp_traj.solution import Solution
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.requirements import PathConstraint
+from ocp_traj.formulation.scalarise import EpsilonConstraint, Scalarisation, WeightedSum
+from ocp_traj.proof.verdicts import PROVED, UNDECIDED, Audit, AuditRow
+from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart, best_of
-from ocp_traj.verdicts import PROVED, UNDECIDED, Audit, AuditRow
+from ocp_traj.transcription.nlp import Status
 from tests.closed_form import Quintic, quintic_problem
 
 Array = NDArray[np.float64]

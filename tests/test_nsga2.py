@@ -8,12 +8,12 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from ocp_traj.errors import InputError, NoSolutionFound, UnknownName
-from ocp_traj.population import Population
-from ocp_traj.problem import Problem, Variable
-from ocp_traj.solvers.evolution import WORST, Vectorised, _gains
+from ocp_traj.evolution.evolution import WORST, Vectorised, _gains
+from ocp_traj.evolution.population import Population
+from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.nsga2 import NSGA2
-from ocp_traj.symbolic import evaluate_objectives
+from ocp_traj.transcription.symbolic import evaluate_objectives
 from tests.closed_form import Quintic, mixed_problem, quintic_problem, stairs_problem
 
 PAIR = ["time", "effort"]

@@ -8,9 +8,9 @@ import pytest
 
 from ocp_traj import problems
 from ocp_traj.errors import ProblemDefinitionError
-from ocp_traj.objective import GAUSS, MIDPOINT, TRAPEZOID, Objective, gauss, rule_name
-from ocp_traj.problem import Problem
-from ocp_traj.symbolic import evaluate_objectives
+from ocp_traj.formulation.objective import GAUSS, MIDPOINT, TRAPEZOID, Objective, gauss, rule_name
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.transcription.symbolic import evaluate_objectives
 
 
 def test_gauss_is_exact_to_twice_its_points() -> None:

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import ocp_traj as ot
-from ocp_traj import registry
-from ocp_traj.cli import run
+from ocp_traj.cli.commands import run
+from ocp_traj.cli.sheets import problem_sheet
 from ocp_traj.errors import InputError
-from ocp_traj.export import trajectory_table
-from ocp_traj.problem import Problem
-from ocp_traj.requirements import PathConstraint, Requirements
-from ocp_traj.screen import problem_sheet
-from ocp_traj.trajectory import case_fields
+from ocp_traj.formulation import registry
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.requirements import PathConstraint, Requirements
+from ocp_traj.io.export import trajectory_table
+from ocp_traj.results.trajectory import case_fields
 from tests import fifth_paper
 from tests.closed_form import Quintic, quintic_problem
 

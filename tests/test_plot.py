@@ -9,14 +9,15 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from pytest import approx
 
-from ocp_traj import plot, problems
-from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj import problems
+from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.errors import FileFormatError, InputError
-from ocp_traj.front import Front
-from ocp_traj.plot import plot_front, plot_trajectory, pretty
-from ocp_traj.problem import Problem
-from ocp_traj.requirements import PathConstraint, Requirements
-from ocp_traj.trajectory import Trajectory
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.requirements import PathConstraint, Requirements
+from ocp_traj.io import plot
+from ocp_traj.io.plot import plot_front, plot_trajectory, pretty
+from ocp_traj.results.front import Front
+from ocp_traj.results.trajectory import Trajectory
 
 
 @pytest.fixture(scope="module")

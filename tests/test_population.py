@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from ocp_traj.errors import InputError, UnknownName
-from ocp_traj.population import Population
-from ocp_traj.problem import Problem
+from ocp_traj.evolution.population import Population
+from ocp_traj.formulation.problem import Problem
 from tests.closed_form import Direct, Quintic, mixed_problem, quintic_problem, stairs_problem
 
 PER_SEGMENT = 4

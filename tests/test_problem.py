@@ -10,12 +10,19 @@ from numpy.testing import assert_array_equal
 
 from ocp_traj import problems
 from ocp_traj.errors import InputError, OcpTrajError, ProblemDefinitionError, UnknownName
-from ocp_traj.nlp import NLP, Status
-from ocp_traj.objective import TRAPEZOID, Objective
-from ocp_traj.problem import Variable
-from ocp_traj.requirements import PathConstraint, PointConstraint, Requirements, State, derivative_order, state_function
-from ocp_traj.rows import Row
-from ocp_traj.solution import Solution
+from ocp_traj.formulation.objective import TRAPEZOID, Objective
+from ocp_traj.formulation.problem import Variable
+from ocp_traj.formulation.requirements import (
+    PathConstraint,
+    PointConstraint,
+    Requirements,
+    State,
+    derivative_order,
+    state_function,
+)
+from ocp_traj.formulation.rows import Row
+from ocp_traj.results.solution import Solution
+from ocp_traj.transcription.nlp import NLP, Status
 from tests.closed_form import quintic_problem, stairs_problem
 
 JOINTS = ("a", "b")

@@ -11,14 +11,14 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from ocp_traj import problems
-from ocp_traj.population import Population
-from ocp_traj.problem import Problem
-from ocp_traj.scalarise import GoalAttainment, WeightedSum
-from ocp_traj.symbolic import evaluate_objectives, objective_function, smooth_objectives, variations
-from ocp_traj.tape import Tape
-from ocp_traj.trajectory import Trajectory, trajectory_of
-from ocp_traj.transcription import Instant, few_instants, transcribe
-from ocp_traj.verdicts import VIOLATED
+from ocp_traj.evolution.population import Population
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import GoalAttainment, WeightedSum
+from ocp_traj.interval.tape import Tape
+from ocp_traj.proof.verdicts import VIOLATED
+from ocp_traj.results.trajectory import Trajectory, trajectory_of
+from ocp_traj.transcription.symbolic import evaluate_objectives, objective_function, smooth_objectives, variations
+from ocp_traj.transcription.transcription import Instant, few_instants, transcribe
 from tests.closed_form import Direct
 
 # Cases other than the default one that must pass as well.

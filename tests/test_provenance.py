@@ -11,14 +11,14 @@ import pytest
 
 from ocp_traj import problems
 from ocp_traj.errors import InputError
-from ocp_traj.problem import Problem
-from ocp_traj.provenance import AGREE, audit_motions, recovered_variables
-from ocp_traj.scalarise import WeightedSum
-from ocp_traj.solution import Solution
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import WeightedSum
+from ocp_traj.proof.verdicts import CHECKED, VIOLATED
+from ocp_traj.results.provenance import AGREE, audit_motions, recovered_variables
+from ocp_traj.results.solution import Solution
+from ocp_traj.results.trajectory import Trajectory, audit_points
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.payload import along
-from ocp_traj.trajectory import Trajectory, audit_points
-from ocp_traj.verdicts import CHECKED, VIOLATED
 
 File = dict[str, Any]
 Edit = Callable[[File], None]

@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ocp_traj.evolution import evolution
 from ocp_traj.files import plain
-from ocp_traj.problem import Problem
-from ocp_traj.records import Record, of_solve
-from ocp_traj.run_reader import load_run
-from ocp_traj.scalarise import EpsilonConstraint, WeightedSum
-from ocp_traj.solution import Solution
-from ocp_traj.solvers import evolution
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import EpsilonConstraint, WeightedSum
+from ocp_traj.io.run_reader import load_run
+from ocp_traj.io.store import Run, request
+from ocp_traj.results.records import Record, of_solve
+from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
 from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.nsga2 import NSGA2
-from ocp_traj.store import Run, request
-from ocp_traj.transcription import Instant
+from ocp_traj.transcription.transcription import Instant
 from tests.closed_form import Quintic, quintic_problem, stairs_problem
 
 PAIR = ["time", "effort"]

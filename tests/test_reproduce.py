@@ -8,13 +8,12 @@ import pytest
 from pytest import approx
 
 from ocp_traj import problems
-from ocp_traj.comparison import Comparison, Sheet, compare, half_unit, rounding_effect
 from ocp_traj.errors import InputError, UnknownName
-from ocp_traj.problem import Problem
+from ocp_traj.formulation.problem import Problem
 from ocp_traj.problems import hybrid_robot
 from ocp_traj.problems import hybrid_spline as paper
-from ocp_traj.reproduce import Reproduction, names, reproduce
 from ocp_traj.reproductions import hybrid_spline_tables as tables
+from ocp_traj.reproductions.comparison import Comparison, Sheet, compare, half_unit, rounding_effect
 from ocp_traj.reproductions.hybrid_spline import optimum, payloads, reported
 from ocp_traj.reproductions.hybrid_spline_errata import (
     MISPRINTS,
@@ -34,7 +33,8 @@ from ocp_traj.reproductions.hybrid_spline_tables import (
     turned,
     via_points,
 )
-from ocp_traj.symbolic import evaluate_objectives
+from ocp_traj.reproductions.reproduce import Reproduction, names, reproduce
+from ocp_traj.transcription.symbolic import evaluate_objectives
 from tests.paper_column import foreign
 
 LITERAL = "paper-literal"

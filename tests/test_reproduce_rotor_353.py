@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from pytest import approx
 
-from ocp_traj.comparison import Comparison, Reproduction, Sheet
-from ocp_traj.curves import polynomial_353
+from ocp_traj.curves.families import polynomial_353
 from ocp_traj.problems import rotor_353 as paper
-from ocp_traj.reproduce import reproduce
+from ocp_traj.reproductions.comparison import Comparison, Reproduction, Sheet
+from ocp_traj.reproductions.reproduce import reproduce
 from ocp_traj.reproductions.rotor_353 import (
     demand_table,
     demands,

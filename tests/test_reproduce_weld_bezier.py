@@ -11,11 +11,11 @@ from pytest import approx
 from scipy.interpolate import BPoly
 
 from ocp_traj import api, problems
-from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.comparison import Sheet
-from ocp_traj.problem import Problem
-from ocp_traj.reproduce import reproduce
+from ocp_traj.curves.bernstein import PiecewiseBezier
+from ocp_traj.formulation.problem import Problem
 from ocp_traj.reproductions import weld_bezier as module
+from ocp_traj.reproductions.comparison import Sheet
+from ocp_traj.reproductions.reproduce import reproduce
 from ocp_traj.reproductions.weld_bezier_errata import (
     MENDED_18,
     PRINTED_8,
@@ -39,10 +39,10 @@ from ocp_traj.reproductions.weld_bezier_tables import (
     shortest,
     table_2,
 )
-from ocp_traj.solution import Solution
+from ocp_traj.results.solution import Solution
+from ocp_traj.results.trajectory import Trajectory
 from ocp_traj.solvers.hmoga import HMOGA
-from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import Trajectory
+from ocp_traj.transcription.symbolic import evaluate_objectives
 from tests.paper_column import foreign
 
 # --- tables ---

@@ -8,14 +8,14 @@ import pytest
 from pytest import approx
 
 from ocp_traj import problems
-from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.comparison import Comparison, Reproduction, Sheet
-from ocp_traj.reproduce import reproduce
+from ocp_traj.curves.bernstein import PiecewiseBezier
+from ocp_traj.formulation.scalarise import WeightedSum
+from ocp_traj.reproductions.comparison import Comparison, Reproduction, Sheet
+from ocp_traj.reproductions.reproduce import reproduce
 from ocp_traj.reproductions.wrist_obstacle import dilations, equations, plane
 from ocp_traj.reproductions.wrist_obstacle_errata import equation_errata, later_start, misses
-from ocp_traj.scalarise import WeightedSum
+from ocp_traj.results.trajectory import trajectory_of
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.trajectory import trajectory_of
 from tests.paper_column import foreign
 
 

@@ -10,11 +10,11 @@ import pinocchio as pin
 import pytest
 from casadi import SX
 
-from ocp_traj.chain import AxisJoint, DHRow, LinkInertia
-from ocp_traj.dynamics import Friction, inverse_dynamics, joint_friction
 from ocp_traj.errors import InputError, RobotDefinitionError, UnsupportedJoint
-from ocp_traj.limits import Limits
-from ocp_traj.robot import ActuatorMap, Robot
+from ocp_traj.robot.chain import AxisJoint, DHRow, LinkInertia
+from ocp_traj.robot.dynamics import Friction, inverse_dynamics, joint_friction
+from ocp_traj.robot.joint_limits import JointLimits
+from ocp_traj.robot.robot import ActuatorMap, Robot
 from tests.random_robots import Array, random_inertia, random_placement, random_robot, random_states
 
 G = 9.80665  # [m/s^2], Guo et al. (2016), below Eq. (42)
@@ -216,9 +216,9 @@ def test_robot_refuses_parts_that_do_not_fit() -> None:
     with pytest.raises(RobotDefinitionError, match="units are .*'deg'"):
         replace(robot, units=("m", "deg", "m"))
     with pytest.raises(RobotDefinitionError, match="limits are of 2 joints, the robot has 3"):
-        replace(robot, limits=Limits(velocity=[1.0, 2.0]))
+        replace(robot, limits=JointLimits(velocity=[1.0, 2.0]))
     with pytest.raises(RobotDefinitionError, match=r"joints gives shape \(2, 1\), the model expects \(3, 1\)"):
-        replace(robot, joints=labels[:2], units=("m", "m"), limits=Limits())
+        replace(robot, joints=labels[:2], units=("m", "m"), limits=JointLimits())
     with pytest.raises(RobotDefinitionError, match=r"actuator map 'wrong' gives shape \(2, 1\)"):
         replace(robot, actuator_map=ActuatorMap("wrong", lambda q: q[:2]))
     with pytest.raises(RobotDefinitionError, match="'hand' is not a joint of 'random'"):
@@ -227,11 +227,11 @@ def test_robot_refuses_parts_that_do_not_fit() -> None:
         robot.tool_pose(SX.sym("q", 2))
 
 
-# Limits
+# JointLimits
 
 
 def test_limits_become_lower_and_upper_per_order() -> None:
-    limits = Limits(position=([0.0, -1.0], [1.0, np.inf]), velocity=[2.0, 3.0], jerk=[[-1.0, -2.0], [5.0, 6.0]])
+    limits = JointLimits(position=([0.0, -1.0], [1.0, np.inf]), velocity=[2.0, 3.0], jerk=[[-1.0, -2.0], [5.0, 6.0]])
     assert limits.size == 2
     for quantity, lower, upper in (
         (0, [0.0, -1.0], [1.0, np.inf]),
@@ -244,10 +244,10 @@ def test_limits_become_lower_and_upper_per_order() -> None:
         assert pair[1].tolist() == upper
     assert limits.bounds(2) is None
     assert limits.bounds("effort") is None
-    assert Limits().size is None
+    assert JointLimits().size is None
     with pytest.raises(ValueError, match="read-only"):
         limits.velocity[0, 0] = 1.0
-    merged = limits.overridden_by(Limits(velocity=[7.0, 8.0], snap=[1.0, 1.0]))
+    merged = limits.overridden_by(JointLimits(velocity=[7.0, 8.0], snap=[1.0, 1.0]))
     assert merged.velocity[1].tolist() == [7.0, 8.0]
     assert merged.jerk.tolist() == limits.jerk.tolist()
     assert merged.bounds(4) is not None
@@ -274,13 +274,13 @@ def test_limits_become_lower_and_upper_per_order() -> None:
 )
 def test_bad_limits_are_explained(fields: dict[str, Any], message: str) -> None:
     with pytest.raises(RobotDefinitionError, match=message):
-        Limits(**fields)
+        JointLimits(**fields)
 
 
 def test_unknown_quantity_has_no_bounds() -> None:
     for quantity in (5, -1, "torque"):
         with pytest.raises(RobotDefinitionError, match=f"{quantity!r} has no limits; allowed are 0..4 and position"):
-            Limits().bounds(quantity)
+            JointLimits().bounds(quantity)
 
 
 # Denavit-Hartenberg
@@ -426,7 +426,7 @@ def test_urdf_gives_joints_limits_tool_and_dynamics(tmp_path: Path) -> None:
     path.write_text('<?xml version="1.0"?>\n' + URDF, encoding="utf-8")
     for source in (URDF, path, str(path)):
         robot = Robot.from_urdf(
-            source, tool_frame="hand", limits=Limits(jerk=[1.0, 2.0, 3.0], velocity=[1.0, 1.0, 1.0])
+            source, tool_frame="hand", limits=JointLimits(jerk=[1.0, 2.0, 3.0], velocity=[1.0, 1.0, 1.0])
         )
         assert robot.joints == ("shoulder", "slide", "grip")
         assert robot.units == ("rad", "m", "m")

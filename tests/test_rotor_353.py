@@ -12,18 +12,18 @@ from numpy.testing import assert_allclose
 
 import ocp_traj as ot
 from ocp_traj import problems
-from ocp_traj.cli import run
-from ocp_traj.curves import polynomial_353
+from ocp_traj.cli.commands import run
+from ocp_traj.curves.families import polynomial_353
 from ocp_traj.errors import InputError, ProblemDefinitionError
-from ocp_traj.nlp import Status
-from ocp_traj.problem import Problem
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.problems import rotor_353 as paper
-from ocp_traj.robot import Robot
-from ocp_traj.scalarise import WeightedSum
-from ocp_traj.solution import Solution
+from ocp_traj.results.solution import Solution
+from ocp_traj.results.trajectory import Trajectory, trajectory_of
+from ocp_traj.robot.robot import Robot
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import Trajectory, trajectory_of
+from ocp_traj.transcription.nlp import Status
+from ocp_traj.transcription.symbolic import evaluate_objectives
 from tests.independent.check import broken, excesses
 from tests.independent.robots import RotorRobot, efforts
 from tests.independent.rotor import SPEED, TABLE_2, via_points

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from ocp_traj.errors import InputError
-from ocp_traj.journal import Journal, records
-from ocp_traj.run_folder import EARLIER, RunFolder, check_target
+from ocp_traj.io.journal import Journal, records
+from ocp_traj.io.run_folder import EARLIER, RunFolder, check_target
 
 PROVED = {"kind": "solve", "points": [{"x": [1.0], "verdict": "proved"}]}
 UNPROVED = {"kind": "population", "points": [{"x": [1.0]}]}

@@ -10,9 +10,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from ocp_traj.errors import InputError
-from ocp_traj.pieces import Pieces, at_piece, pieces
-from ocp_traj.polyline_seam import PolylineSeam
-from ocp_traj.seam import Placement, Seam, TubeSeam
+from ocp_traj.paths.pieces import Pieces, at_piece, pieces
+from ocp_traj.paths.polyline_seam import PolylineSeam
+from ocp_traj.paths.seam import Placement, Seam, TubeSeam
 
 R, BRACE = 0.150, 0.090
 

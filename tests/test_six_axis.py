@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from ocp_traj.errors import InputError
-from ocp_traj.robot import Robot
-from ocp_traj.six_axis import ELBOW_SINGULAR, SIGNS, SixAxisArm, wrapped
+from ocp_traj.robot.robot import Robot
+from ocp_traj.robot.six_axis import ELBOW_SINGULAR, SIGNS, SixAxisArm, wrapped
 
 # Arms with all offsets, with none, with negative ones and with a forearm longer than the upper arm. [m]
 ARMS = [

@@ -14,14 +14,14 @@ import pytest
 
 import ocp_traj as ot
 from ocp_traj.errors import NoSolutionFound
-from ocp_traj.nlp import NLP
-from ocp_traj.problem import Problem
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.progress import Progress
-from ocp_traj.scalarise import WeightedSum
-from ocp_traj.solution import Solution
+from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.branch_and_bound import BranchAndBound
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.stopping import OutOfTime, stopping
+from ocp_traj.transcription.nlp import NLP
 from tests.closed_form import quintic_problem, small_nlp
 from tests.test_branch_and_bound import small_problem
 

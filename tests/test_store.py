@@ -10,19 +10,20 @@ import pytest
 
 import ocp_traj as ot
 from benchmarks import kill as killing
-from ocp_traj import problems, store
-from ocp_traj.cli import run as run_command
+from ocp_traj import problems
+from ocp_traj.cli.commands import run as run_command
 from ocp_traj.errors import FileFormatError, InputError, NoSolutionFound
-from ocp_traj.export import export
 from ocp_traj.files import plain
-from ocp_traj.front import Front
-from ocp_traj.journal import Journal, records
-from ocp_traj.plot import plot_front
-from ocp_traj.problem import Problem
-from ocp_traj.records import of_front, of_population
-from ocp_traj.run_folder import RunFolder
-from ocp_traj.run_reader import load_run
-from ocp_traj.store import Run, request, save_run
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.io import store
+from ocp_traj.io.export import export
+from ocp_traj.io.journal import Journal, records
+from ocp_traj.io.plot import plot_front
+from ocp_traj.io.run_folder import RunFolder
+from ocp_traj.io.run_reader import load_run
+from ocp_traj.io.store import Run, request, save_run
+from ocp_traj.results.front import Front
+from ocp_traj.results.records import of_front, of_population
 from tests.closed_form import Quintic, quintic_problem
 
 Edit = Callable[[Any], Any]

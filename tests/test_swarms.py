@@ -10,17 +10,17 @@ import pytest
 
 import ocp_traj as ot
 from ocp_traj import problems
-from ocp_traj.cli import run
+from ocp_traj.cli.commands import run
 from ocp_traj.errors import InputError, NoSolutionFound
-from ocp_traj.nlp import Status
-from ocp_traj.plot import plot_convergence
-from ocp_traj.population import Population
-from ocp_traj.problem import Problem
-from ocp_traj.scalarise import WeightedSum
-from ocp_traj.solvers.evolution import HANDLING, WORST, Vectorised
+from ocp_traj.evolution.evolution import HANDLING, WORST, Vectorised
+from ocp_traj.evolution.population import Population
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import WeightedSum
+from ocp_traj.io.plot import plot_convergence
 from ocp_traj.solvers.ga import GA
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.pso import CONSTRICTION, PSO, SCHEDULES, as_printed, constriction, linear, repaired
+from ocp_traj.transcription.nlp import Status
 from tests.closed_form import Quintic, quintic_problem
 
 TIME = WeightedSum({"time": 1.0})

@@ -7,19 +7,19 @@ import casadi
 import numpy as np
 import pytest
 
-from ocp_traj.audit import audit
-from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.errors import KinkedExpression, ProblemDefinitionError
-from ocp_traj.evaluate import limit_on, swept_on
-from ocp_traj.objective import Objective, gauss
-from ocp_traj.population import Population
-from ocp_traj.problem import Problem, Variable
-from ocp_traj.requirements import SWEEP, PathConstraint, Requirements, State
-from ocp_traj.scalarise import WeightedSum
+from ocp_traj.evolution.population import Population
+from ocp_traj.formulation.objective import Objective, gauss
+from ocp_traj.formulation.problem import Problem, Variable
+from ocp_traj.formulation.requirements import SWEEP, PathConstraint, Requirements, State
+from ocp_traj.formulation.scalarise import WeightedSum
+from ocp_traj.proof.audit import audit
+from ocp_traj.proof.values import limit_on, swept_on
+from ocp_traj.proof.verdicts import PROVED, UNDECIDED, VIOLATED
+from ocp_traj.results.trajectory import Trajectory, trajectory_of
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.trajectory import Trajectory, trajectory_of
-from ocp_traj.transcription import Instant, few_instants, transcribe
-from ocp_traj.verdicts import PROVED, UNDECIDED, VIOLATED
+from ocp_traj.transcription.transcription import Instant, few_instants, transcribe
 
 JOINTS = ("A", "B")
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ocp_traj.errors import InputError, KinkedExpression, UnsupportedOperation
-from ocp_traj.intervals import INTERVAL, _apply
-from ocp_traj.tape import _FLOAT, _NAMES, Tape
+from ocp_traj.interval.intervals import INTERVAL, _apply
+from ocp_traj.interval.tape import _FLOAT, _NAMES, Tape
 
 Array = NDArray[Any]
 SX = casadi.SX

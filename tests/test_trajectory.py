@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from pytest import approx
 
-from ocp_traj.bernstein import PiecewiseBezier
+from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.errors import FileFormatError, InputError, ProblemDefinitionError, UnknownName
 from ocp_traj.files import read_json, read_text, write_text, write_with
-from ocp_traj.trajectory import Trajectory
+from ocp_traj.results.trajectory import Trajectory
 
 RNG = np.random.default_rng(5)
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from ocp_traj.nlp import NLP
-from ocp_traj.problem import Problem
-from ocp_traj.scalarise import EpsilonConstraint, GoalAttainment, WeightedSum
-from ocp_traj.symbolic import SymbolicCurve, evaluate_objectives, quadrature, states_at
-from ocp_traj.trajectory import case_fields, trajectory_of
-from ocp_traj.transcription import BACK_OFF, Instant, few_instants, transcribe, uniform_instants
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import EpsilonConstraint, GoalAttainment, WeightedSum
+from ocp_traj.results.trajectory import case_fields, trajectory_of
+from ocp_traj.transcription.nlp import NLP
+from ocp_traj.transcription.symbolic import SymbolicCurve, evaluate_objectives, quadrature, states_at
+from ocp_traj.transcription.transcription import BACK_OFF, Instant, few_instants, transcribe, uniform_instants
 from tests.closed_form import (
     Direct,
     Mixed,

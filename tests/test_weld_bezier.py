@@ -10,18 +10,19 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-from ocp_traj import api, problems, screen
-from ocp_traj.audit import audit
-from ocp_traj.cli import run
+from ocp_traj import api, problems
+from ocp_traj.cli import sheets
+from ocp_traj.cli.commands import run
 from ocp_traj.errors import InputError
-from ocp_traj.nlp import Status
+from ocp_traj.paths.seam import Placement, TubeSeam
 from ocp_traj.problems import kr90, weld_start
 from ocp_traj.problems.weld_bezier import Ogbemhe2019, start
 from ocp_traj.problems.weld_start import least_time
-from ocp_traj.seam import Placement, TubeSeam
-from ocp_traj.solution import Solution
-from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import Trajectory, trajectory_of
+from ocp_traj.proof.audit import audit
+from ocp_traj.results.solution import Solution
+from ocp_traj.results.trajectory import Trajectory, trajectory_of
+from ocp_traj.transcription.nlp import Status
+from ocp_traj.transcription.symbolic import evaluate_objectives
 from tests.independent.case import complete
 from tests.independent.check import broken, excesses
 from tests.independent.motion import Motion
@@ -181,7 +182,7 @@ def test_hundreds_of_variables_stay_off_the_screen_but_not_out_of_the_json() -> 
         x = one.guess(np.random.default_rng(0))
         found = Solution(one.id, x, 0.0, Status.SOLVED, 0.0, 1, 0.0, trajectory=trajectory_of(one, x))
         found = replace(found, audit=audit(found.trajectory, one.requirements), objectives=evaluate_objectives(one, x))
-        sheet = screen.solution_sheet(one, found)
+        sheet = sheets.solution_sheet(one, found)
         (table,) = [t for t in sheet.tables if t[0].startswith("Variables")]
         assert len(table[2]) == one.size - left
         assert sum(len(block) for block in sheet.data["variables"].values()) == one.size

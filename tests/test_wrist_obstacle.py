@@ -14,20 +14,20 @@ from numpy.testing import assert_allclose
 from pytest import approx
 
 from ocp_traj import pareto, problems, solve
-from ocp_traj.audit import audit
-from ocp_traj.cli import run
+from ocp_traj.cli.commands import run
 from ocp_traj.errors import InputError
-from ocp_traj.evaluate import limit_on
-from ocp_traj.nlp import Status
-from ocp_traj.problem import Problem
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.problems import wrist_obstacle as paper
-from ocp_traj.scalarise import WeightedSum
+from ocp_traj.proof.audit import audit
+from ocp_traj.proof.values import limit_on
+from ocp_traj.results.time_scaling import TimeScaling
+from ocp_traj.results.trajectory import Trajectory, trajectory_of
 from ocp_traj.solvers.ga import GA
 from ocp_traj.solvers.ipopt import Ipopt
-from ocp_traj.solvers.scaling import TimeScaling
-from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import Trajectory, trajectory_of
-from ocp_traj.transcription import transcribe, uniform_instants
+from ocp_traj.transcription.nlp import Status
+from ocp_traj.transcription.symbolic import evaluate_objectives
+from ocp_traj.transcription.transcription import transcribe, uniform_instants
 from tests.independent.check import broken, excesses
 from tests.independent.motion import Motion
 from tests.independent.robots import WristRobot, efforts

@@ -1,1 +1,1 @@
-"""Each paper's tables beside ours; ``ocp_traj.reproduce`` is the way in."""
+"""Each paper's tables beside ours; ``ocp_traj.reproductions.reproduce`` is the way in."""

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj import problems
-from ocp_traj.audit import audit
-from ocp_traj.comparison import Reproduction, Run, Sheet, named_objectives, rounding_effect
-from ocp_traj.fixed_states import fixed_values
-from ocp_traj.problem import Problem
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.problems import hybrid_spline as paper
 from ocp_traj.progress import Progress
+from ocp_traj.proof.audit import audit
 from ocp_traj.reproductions import hybrid_spline_tables as tables
+from ocp_traj.reproductions.comparison import Reproduction, Run, Sheet, named_objectives, rounding_effect
 from ocp_traj.reproductions.hybrid_spline_errata import MISPRINTS, equation_errata
 from ocp_traj.reproductions.hybrid_spline_tables import (
     FMINCON,
@@ -28,12 +28,12 @@ from ocp_traj.reproductions.hybrid_spline_tables import (
     tracking,
     via_points,
 )
-from ocp_traj.scalarise import WeightedSum
+from ocp_traj.results.trajectory import trajectory_of
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.nsga2 import NSGA2
 from ocp_traj.solvers.payload import along, static_bound
-from ocp_traj.symbolic import evaluate_objectives, objective_function
-from ocp_traj.trajectory import trajectory_of
+from ocp_traj.transcription.end_states import fixed_values
+from ocp_traj.transcription.symbolic import evaluate_objectives, objective_function
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ GENETIC = (
 
 
 def run(seeds: int, progress: Progress) -> Reproduction:
-    """All of the paper's numbers beside ours; see ``ocp_traj.reproduce.reproduce``."""
+    """All of the paper's numbers beside ours; see ``ocp_traj.reproductions.reproduce.reproduce``."""
     total, done = 1 + 2 * len(paper.CONVENTIONS) + seeds * len(GENETIC), 0
 
     def begin(words: str) -> None:

@@ -7,15 +7,15 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.comparison import Erratum
-from ocp_traj.evaluate import limit_on
-from ocp_traj.problem import Problem
+from ocp_traj.formulation.problem import Problem
 from ocp_traj.problems import hybrid_robot
 from ocp_traj.problems import hybrid_spline as paper
+from ocp_traj.proof.values import limit_on
 from ocp_traj.reproductions import hybrid_spline_tables as tables
+from ocp_traj.reproductions.comparison import Erratum
+from ocp_traj.results.trajectory import Trajectory, trajectory_of
 from ocp_traj.solvers.payload import static_bound
-from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import Trajectory, trajectory_of
+from ocp_traj.transcription.symbolic import evaluate_objectives
 
 Array = NDArray[np.float64]
 

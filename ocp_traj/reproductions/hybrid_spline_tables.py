@@ -15,12 +15,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from ocp_traj.comparison import Sheet, rounding_effect
-from ocp_traj.curves import cubic_spline_free_ends
-from ocp_traj.problem import Problem
+from ocp_traj.curves.families import cubic_spline_free_ends
+from ocp_traj.formulation.problem import Problem
 from ocp_traj.problems import hybrid_robot
 from ocp_traj.problems import hybrid_spline as paper
-from ocp_traj.symbolic import objective_function
+from ocp_traj.reproductions.comparison import Sheet, rounding_effect
+from ocp_traj.transcription.symbolic import objective_function
 
 SECONDS = {"NSGA-II, best": 74.55, "fmincon, mean of 100": 1032.78}  # sect. 6; the second for all 100 starts
 PAYLOAD_RANGE = ("0", "10")  # m_pl, m_pu of (123) [kg], Table 1

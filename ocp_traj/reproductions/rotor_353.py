@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
 from ocp_traj import api, problems
-from ocp_traj.comparison import Reproduction, Run, Sheet, rounding_effect
-from ocp_traj.curves import polynomial_353
+from ocp_traj.curves.families import polynomial_353
 from ocp_traj.problems import rotor_353 as paper
 from ocp_traj.progress import Progress
+from ocp_traj.reproductions.comparison import Reproduction, Run, Sheet, rounding_effect
 from ocp_traj.reproductions.rotor_353_errata import MISPRINTS, equation_errata, turn
 from ocp_traj.reproductions.rotor_353_limits import closest_phases
 from ocp_traj.reproductions.rotor_353_swarms import swarms
-from ocp_traj.solution import Solution
+from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.pso import SCHEDULES
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ FREE = {"position_limits": False, "effort_limits": False}  # (14) and (15) are t
 
 
 def run(seeds: int, progress: Progress) -> Reproduction:
-    """All of the paper's numbers beside ours; see ``ocp_traj.reproduce.reproduce``."""
+    """All of the paper's numbers beside ours; see ``ocp_traj.reproductions.reproduce.reproduce``."""
     sheet = Sheet(MISPRINTS)
     runs: list[Run] = []
     plain = problems.load("rotor-353")

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from ocp_traj.comparison import Erratum
 from ocp_traj.problems import rotor_353 as paper
+from ocp_traj.reproductions.comparison import Erratum
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.bernstein import basis, difference_matrix
+from ocp_traj.curves.bernstein import basis, difference_matrix
 from ocp_traj.problems import rotor_353 as paper
 
 Array = NDArray[np.float64]

@@ -11,9 +11,9 @@ import numpy as np
 import pandas as pd
 
 from ocp_traj.api import solve
-from ocp_traj.problem import Problem
-from ocp_traj.scalarise import WeightedSum
-from ocp_traj.solution import Solution
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import WeightedSum
+from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.branch_and_bound import BranchAndBound
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.pso import PSO, SCHEDULES

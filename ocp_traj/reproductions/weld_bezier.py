@@ -16,24 +16,24 @@ from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.pm import PM
 
 from ocp_traj import api, problems
-from ocp_traj.comparison import Reproduction, Run, Sheet, named_objectives
 from ocp_traj.errors import NoSolutionFound
-from ocp_traj.front import Front
-from ocp_traj.problem import Problem
+from ocp_traj.evolution.elitism import ControlledElitism
+from ocp_traj.evolution.evolution import Vectorised, evolve, front_of
+from ocp_traj.evolution.generations import crowding_distances, spread
+from ocp_traj.formulation.problem import Problem
 from ocp_traj.problems import kr90
 from ocp_traj.progress import Progress
+from ocp_traj.reproductions.comparison import Reproduction, Run, Sheet, named_objectives
 from ocp_traj.reproductions.weld_bezier_errata import equation_errata
 from ocp_traj.reproductions.weld_bezier_tables import GENERATIONS, POPULATION, TABLE_7, durations, outside, table_2
-from ocp_traj.solution import Solution
-from ocp_traj.solvers.elitism import ControlledElitism
-from ocp_traj.solvers.evolution import Vectorised, evolve, front_of
+from ocp_traj.results.front import Front
+from ocp_traj.results.pareto_set import ParetoSet
+from ocp_traj.results.solution import Solution
+from ocp_traj.results.time_scaling import slow_down
+from ocp_traj.results.trajectory import Trajectory, trajectory_of
 from ocp_traj.solvers.front_tracer import FrontTracer
-from ocp_traj.solvers.generations import crowding_distances, spread
 from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.solvers.nsga2 import NSGA2
-from ocp_traj.solvers.pareto_set import ParetoSet
-from ocp_traj.solvers.repair import slow_down
-from ocp_traj.trajectory import Trajectory, trajectory_of
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ RANDOM = "from random points"
 
 
 def run(seeds: int, progress: Progress) -> Reproduction:
-    """All of the paper's numbers beside ours; see ``ocp_traj.reproduce.reproduce``."""
+    """All of the paper's numbers beside ours; see ``ocp_traj.reproductions.reproduce.reproduce``."""
     sheet = Sheet()
     runs: list[Run] = []
     extra: dict[str, pd.DataFrame] = {}

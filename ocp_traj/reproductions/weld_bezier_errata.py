@@ -7,8 +7,8 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ocp_traj.comparison import Erratum
-from ocp_traj.curves import nonic
+from ocp_traj.curves.families import nonic
+from ocp_traj.reproductions.comparison import Erratum
 from ocp_traj.reproductions.weld_bezier_tables import GENERATIONS, POPULATION, TABLE_7
 
 Array = NDArray[np.float64]

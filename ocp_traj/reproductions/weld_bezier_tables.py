@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ocp_traj.comparison import Sheet, half_unit
-from ocp_traj.curves import nonic
+from ocp_traj.curves.families import nonic
 from ocp_traj.problems import kr90
 from ocp_traj.problems.weld_bezier import PRINTED_EFFORT
+from ocp_traj.reproductions.comparison import Sheet, half_unit
 
 Array = NDArray[np.float64]
 

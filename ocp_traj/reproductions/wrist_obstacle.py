@@ -12,17 +12,17 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ocp_traj import api, problems
-from ocp_traj.comparison import Reproduction, Run, Sheet, named_objectives
 from ocp_traj.errors import NoSolutionFound
-from ocp_traj.problem import Problem
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.progress import Progress
+from ocp_traj.reproductions.comparison import Reproduction, Run, Sheet, named_objectives
 from ocp_traj.reproductions.wrist_obstacle_errata import equation_errata, later_start, misses
-from ocp_traj.scalarise import WeightedSum
-from ocp_traj.solution import Solution
+from ocp_traj.results.solution import Solution
+from ocp_traj.results.trajectory import trajectory_of
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.ga import GA
-from ocp_traj.symbolic import evaluate_objectives
-from ocp_traj.trajectory import trajectory_of
+from ocp_traj.transcription.symbolic import evaluate_objectives
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ SETTLED = 0.01  # of its last value: a run this close to it has settled; our cho
 
 
 def run(seeds: int, progress: Progress) -> Reproduction:
-    """All of the paper's numbers beside ours; see ``ocp_traj.reproduce.reproduce``."""
+    """All of the paper's numbers beside ours; see ``ocp_traj.reproductions.reproduce.reproduce``."""
     sheet = Sheet()
     runs: list[Run] = []
     extra: dict[str, pd.DataFrame] = {}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.bernstein import PiecewiseBezier
-from ocp_traj.comparison import Erratum
+from ocp_traj.curves.bernstein import PiecewiseBezier
+from ocp_traj.reproductions.comparison import Erratum
 
 Array = NDArray[np.float64]
 

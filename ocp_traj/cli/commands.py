@@ -1,0 +1,498 @@
+"""The command line: ``ocp-traj``, also ``python -m ocp_traj``.
+
+Results go to stdout, as tables or, with ``--json``, as one JSON object; progress and messages go to stderr. Exit codes:
+0 done and proved; 1 the result is infeasible, violated or undecided, or cannot be written; 2 wrong input, in one line;
+130, 143 and 129 ended by Ctrl-C, SIGTERM and SIGHUP.
+
+One of these signals ends ``solve``, ``pareto`` and ``payload`` within the time of an iteration of IPOPT or of a
+generation: what has been found is shown and written, and one line on stderr says what was left undone. Any other
+command, and the second signal anywhere, ends at once. No file is ever half written.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from ocp_traj import api, problems
+from ocp_traj.blas import one_blas_thread
+from ocp_traj.cli import console, sheets
+from ocp_traj.errors import InputError, OcpTrajError, cut, quoted
+from ocp_traj.files import LONGEST_PATH, check_writable
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.io.export import export as run_export
+from ocp_traj.io.plot import check_picture, plot_trajectory, save_history
+from ocp_traj.io.requirements_file import read_requirements
+from ocp_traj.io.store import Run, request
+from ocp_traj.proof.audit import audit as run_audit
+from ocp_traj.proof.verdicts import ALLOWANCE, Audit
+from ocp_traj.reproductions.reproduce import reproduce as run_reproduce
+from ocp_traj.results.pareto_set import ENDED_AFTER
+from ocp_traj.results.solution import Solution
+from ocp_traj.results.trajectory import Trajectory
+from ocp_traj.solvers.pso import SCHEDULES
+from ocp_traj.stopping import exit_code, stopping
+from ocp_traj.transcription.nlp import Status
+from ocp_traj.version import __version__
+
+DONE, NOT_PROVED, WRONG_INPUT = 0, 1, 2
+MOST = 100_000  # of anything that is counted: our choice, what a machine's memory holds
+LONGEST_USAGE = 500  # of a message about options [characters]: our choice
+
+
+class _Commands(TyperGroup):
+    """The commands; one that is interrupted says so, which typer would not."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            return _interrupted("before there was a result")
+
+
+app = typer.Typer(
+    cls=_Commands,
+    add_completion=False,
+    invoke_without_command=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+ProblemName = Annotated[str, typer.Argument(metavar="PROBLEM", help="Id of a problem; see `ocp-traj problems`.")]
+Fields = Annotated[
+    list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="Change a field of the case; may be repeated.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Population = Annotated[int | None, typer.Option(help="Individuals, of methods with a population.", min=2, max=MOST)]
+Generations = Annotated[int | None, typer.Option(help="Generations or iterations of a population.", min=1, max=MOST)]
+Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
+
+
+@app.callback()
+def start(
+    context: typer.Context, version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False
+) -> int:
+    """Robot trajectories that are optimal and proved to keep every limit at every instant.
+
+    Exit codes: 0 done and proved; 1 infeasible, violated, undecided, or not written; 2 wrong input; 130, 143, 129 ended
+    by Ctrl-C, SIGTERM, SIGHUP, with what had been found until then.
+    """
+    if version:
+        print(f"ocp-traj {__version__}")
+        raise typer.Exit(DONE)
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+        raise typer.Exit(WRONG_INPUT)
+    return DONE
+
+
+@app.command("problems")
+def list_problems(json: AsJson = False) -> None:
+    """Lists the problems.
+
+    Example: ocp-traj problems
+    """
+    console.show(sheets.problem_list([problems.load(name) for name in problems.names()]), json)
+
+
+@app.command()
+def show(problem: ProblemName, set_: Fields = None, json: AsJson = False) -> None:
+    """Shows a problem's variables, objectives and limits.
+
+    Example: ocp-traj show hybrid-spline
+    """
+    console.show(sheets.problem_sheet(_load(problem, set_)), json)
+
+
+@app.command()
+def solve(
+    problem: ProblemName,
+    objective: Annotated[str | None, typer.Option(metavar="NAME", help="Minimise this objective.")] = None,
+    weight: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=W", help="Minimise sum W f / scale; may be repeated.")
+    ] = None,
+    set_: Fields = None,
+    method: Annotated[str, typer.Option(help=f"One of: {', '.join(api.SOLVE_METHODS)}.")] = "exchange",
+    starts: Annotated[
+        int | None,
+        typer.Option(help="Random starts, the best counts; the problem's own number if not given.", min=1, max=MOST),
+    ] = None,
+    all_optima: Annotated[bool, typer.Option(help="List every distinct local optimum that a start ends in.")] = False,
+    population: Population = None,
+    generations: Generations = None,
+    schedule: Annotated[str | None, typer.Option(help=f"Of pso; one of: {', '.join(SCHEDULES)}.")] = None,
+    handling: Annotated[str | None, typer.Option(help="Of limits: feasibility, penalty (pso) or death (ga).")] = None,
+    scaling: Annotated[bool | None, typer.Option(help="Of ga: every individual as fast as its path allows.")] = None,
+    certify: Annotated[
+        bool | None,
+        typer.Option(
+            "--certify/--no-certify", help="Prove global optimality by branch and bound; done where it applies."
+        ),
+    ] = None,
+    seed: Seed = 0,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the trajectory here (JSON).")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the trajectory here (PNG, PDF or SVG).")] = None,
+    history: Annotated[
+        Path | None, typer.Option(help="Draw (PNG, PDF or SVG) or write (CSV) how a population converged.")
+    ] = None,
+    json: AsJson = False,
+) -> int:
+    """Solves a problem and proves the result.
+
+    Example: ocp-traj solve hybrid-spline --objective time -o fast.json
+    """
+    weights = {name: _number(value, f"--weight {cut(name)}") for name, value in _pairs(weight, "--weight").items()}
+    chosen = _load(problem, set_)
+    targets = [path for path in (output, plot, history) if path is not None]
+    if len(set(targets)) < len(targets):
+        raise InputError(f"{', '.join(map(str, targets))} name one file twice; give each its own")
+    if plot is not None:
+        check_picture(plot)
+    if history is not None:
+        if method == "exchange":
+            raise InputError("--history is of a population; give --method pso or ga")
+        if history.suffix.lower() != ".csv":
+            check_picture(history)
+    for path in targets:
+        check_writable(path)
+    options = _given(
+        population=population, generations=generations, schedule=schedule, handling=handling, scaling=scaling
+    )
+    with stopping() as stop:
+        with console.progress("solving") as progress:
+            solution = api.solve(
+                chosen, objective=objective, weights=weights, method=method, starts=starts, seed=seed,
+                all_optima=all_optima, certify=certify, progress=progress, **options,
+            )  # fmt: skip
+        try:  # what was found is shown whatever becomes of the files, and written whatever becomes of stdout
+            _write(solution, chosen, output, plot, history)
+        finally:
+            console.show(sheets.solution_sheet(chosen, solution), json)
+        code = _outcome(solution)
+        return _interrupted(solution.interrupted) if stop.interrupted else code
+
+
+@app.command()
+def pareto(
+    problem: ProblemName,
+    objectives: Annotated[str, typer.Option(metavar="A,B[,..]", help="Objectives to trade.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN", help="Folder to write the run to.")],
+    method: Annotated[str, typer.Option(help=f"One of: {', '.join(api.METHODS)}.")] = "trace",
+    points: Annotated[
+        int | None, typer.Option(help="Points to trace, or of hmoga to refine; 40 if not given.", min=2, max=MOST)
+    ] = None,
+    population: Population = None,
+    generations: Generations = None,
+    set_: Fields = None,
+    seed: Seed = 0,
+    budget: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="Stop after this time with what is there.")
+    ] = None,
+    reference: Annotated[
+        str | None,
+        typer.Option(metavar="A,B[,..]", help="Reference point of the hypervolume; the problem's own if not given."),
+    ] = None,
+    ideal: Annotated[
+        str | None,
+        typer.Option(metavar="A,B[,..]", help="Ideal point of the hypervolume; the problem's own if not given."),
+    ] = None,
+    keep_unproved: Annotated[bool, typer.Option(help="Keep points that are not proved.")] = False,
+    force: Annotated[bool, typer.Option(help="Replace an existing run.")] = False,
+    json: AsJson = False,
+) -> int:
+    """Traces a Pareto front, every point proved.
+
+    Example: ocp-traj pareto hybrid-spline --objectives time,energy -o runs/a
+    """
+    chosen = _load(problem, set_)
+    names = tuple(name.strip() for name in objectives.split(",") if name.strip())
+    corners = [_point(text, names, what) for text, what in ((reference, "--reference"), (ideal, "--ideal"))]
+    unbounded = [name for name in names if name not in chosen.reference_point]
+    if corners[0] is None and unbounded and len(names) > 1:
+        for name in names:
+            chosen.objective(name)
+        raise InputError(
+            f"{chosen.id} has no reference point for {', '.join(unbounded)}; give --reference {objectives}"
+        )
+    options = _given(points=points, population=population, generations=generations)
+    asked = request(chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, options=options)
+    with stopping() as stop:
+        with Run(output, asked, force=force) as kept:
+            try:
+                with console.progress(method) as progress:
+                    front = api.pareto(
+                        chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
+                        found=kept.found, progress=progress, **options,
+                    )  # fmt: skip
+                if len(front):
+                    volume = front.hypervolume(*corners)
+                    folder = kept.finish(front, volume)
+                else:
+                    kept.discard()
+            except (OcpTrajError, KeyboardInterrupt):
+                if kept.holds_points:
+                    console.say(f"what was found until then is kept: {output}")
+                raise
+        if not len(front):
+            if stop.interrupted:
+                return _interrupted("before the first point was found; nothing is written")
+            console.say(
+                f"{chosen.id}: {method} found no proved point ({front.info['dropped']}); --keep-unproved keeps the "
+                "others"
+            )
+            return NOT_PROVED
+        console.show(sheets.front_sheet(front, volume, folder), json)
+        for words in sheets.front_remarks(front):
+            console.say(words)
+        console.say(f"run: {folder}\npicture: {folder / 'front.png'}")
+        ended = front.info.get(ENDED_AFTER, "")
+        if stop.interrupted:
+            return _interrupted(f"after {ended}" if ended else "")
+        if ended:
+            console.say(f"the budget ended it after {ended}")
+        return NOT_PROVED if front.info.get("moved") is False else DONE
+
+
+@app.command()
+def payload(
+    problem: ProblemName,
+    along: Annotated[
+        Path | None, typer.Option(metavar="TRAJECTORY", help="Along this trajectory (JSON), timing kept.")
+    ] = None,
+    max_time: Annotated[
+        float | None, typer.Option(metavar="S", help="Of all trajectories within this time [s].")
+    ] = None,
+    set_: Fields = None,
+    starts: Annotated[int, typer.Option(help="Random starts of the joint problem.", min=1, max=MOST)] = 2,
+    seed: Seed = 0,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write the trajectory that carries it (JSON).")
+    ] = None,
+    json: AsJson = False,
+) -> int:
+    """Finds the largest payload (DLCC): for every time law, along a trajectory, or within a time.
+
+    Example: ocp-traj payload hybrid-spline --max-time 6.19
+    """
+    chosen = _load(problem, set_)
+    if output is not None:
+        check_writable(output)
+        if along is None and max_time is None:
+            raise InputError(
+                "the bound for every time law has no trajectory to write; give --along or --max-time with -o"
+            )
+    trajectory = None if along is None else Trajectory.load(along)
+    with stopping() as stop:
+        with console.progress("payload") as progress:
+            found = api.payload(
+                chosen, trajectory=trajectory, max_time=max_time, starts=starts, seed=seed, progress=progress
+            )
+        try:
+            if output is not None and found.trajectory is not None:
+                console.say(f"trajectory: {found.trajectory.save(output)}")
+        finally:
+            console.show(sheets.payload_sheet(found), json)
+        if stop.interrupted:
+            return _interrupted("" if found.solution is None else found.solution.interrupted)
+        return DONE
+
+
+@app.command()
+def audit(
+    trajectory: Annotated[Path, typer.Argument(metavar="TRAJECTORY", help="A trajectory file (JSON).")],
+    limits: Annotated[
+        Path | None, typer.Option(help="Limits to audit against (TOML); its own problem's if not given.")
+    ] = None,
+    allowance: Annotated[
+        float, typer.Option(metavar="SHARE", help="Of each bound, by which it may be exceeded and still be met.")
+    ] = ALLOWANCE,
+    json: AsJson = False,
+) -> int:
+    """Proves that a trajectory keeps its limits, or says where not.
+
+    Example: ocp-traj audit fast.json
+    """
+    moved = Trajectory.load(trajectory)
+    if limits is None:
+        if allowance != ALLOWANCE:
+            raise InputError("--allowance is for limits of a file; give --limits too, or leave it out")
+        checked = moved.audit()
+    else:
+        checked = run_audit(moved, read_requirements(limits), allowance=allowance)
+    if not checked.rows:
+        raise InputError(f"{limits or moved.problem} asks nothing of {trajectory}: nothing is proved; give a limit")
+    console.show(sheets.audit_sheet(checked), json)
+    return _verdict(checked)
+
+
+@app.command()
+def reproduce(
+    problem: ProblemName,
+    seeds: Annotated[
+        int | None,
+        typer.Option(help="Runs of stochastic methods; as many as the claims need if not given.", min=1, max=MOST),
+    ] = None,
+    json: AsJson = False,
+) -> None:
+    """Puts a paper's tables beside ours.
+
+    Example: ocp-traj reproduce hybrid-spline
+    """
+    problems.case_class(problem)
+    with console.progress("reproducing") as progress:
+        found = run_reproduce(problem, seeds=seeds, progress=progress)
+    console.show(sheets.reproduction_sheet(found), json)
+
+
+@app.command()
+def export(
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="A run folder, a front.csv or a trajectory (JSON).")],
+    format: Annotated[str, typer.Option(help="csv, parquet, json; ros for a trajectory.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="File to write; beside FILE if not given.")
+    ] = None,
+    samples: Annotated[int, typer.Option(help="Instants of a sampled trajectory.", min=2)] = 200,
+    json: AsJson = False,
+) -> None:
+    """Exports a front or a trajectory.
+
+    Example: ocp-traj export fast.json --format ros
+    """
+    suffix = {"ros": ".ros.yaml"}.get(format, f".export.{format}")
+    place = source if source.name else Path(os.path.realpath(source))  # `.` has no name of its own, and `/` has none
+    if output is None and not place.name:
+        raise InputError(f"{source} has no name to call a file by; give one with -o")
+    target = output or place.with_name(place.stem + suffix)
+    written = run_export(source, format, target, samples=samples)
+    console.show(console.Sheet({"written": str(written), "format": format}, []), json)
+    console.say(f"written: {written}")
+
+
+def _write(solution: Solution, problem: Problem, output: Path | None, plot: Path | None, history: Path | None) -> None:
+    """Writes what was asked for of a solution, as far as there is one."""
+    if solution.trajectory is None or solution.audit is None:
+        return
+    if output is not None:
+        console.say(f"trajectory: {solution.trajectory.save(output)}")
+    if plot is not None:
+        console.say(f"picture: {plot_trajectory(solution.trajectory, problem.requirements, plot)}")
+    if history is not None and solution.history is not None:
+        console.say(f"history: {save_history(solution.history, history)}")
+
+
+def _outcome(solution: Solution) -> int:
+    """Says how a solution is to be taken; the exit code of that."""
+    if solution.trajectory is None or solution.audit is None:
+        console.say(solution.explain())
+        return NOT_PROVED
+    if solution.certificate is not None:
+        console.say(solution.certificate.explain())
+    if solution.status is Status.FEASIBLE:
+        console.say(f"feasible, not optimal: {solution.detail}")
+    elif not solution.ok:
+        console.say(f"{solution.status.value}: {solution.detail}")
+    return _verdict(solution.audit, solution.ok and solution.moved)
+
+
+def _interrupted(words: str) -> int:
+    """Says what was left undone, if anything was; the exit code of that."""
+    console.say(f"interrupted {words or 'when all was done'}")
+    return exit_code()
+
+
+def _given(**options: Any) -> dict[str, Any]:
+    """Options that were given: a method refuses those it does not have."""
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def _load(name: str, assignments: Sequence[str] | None) -> Problem:
+    return problems.load(name, **_pairs(assignments, "--set"))
+
+
+def _pairs(assignments: Sequence[str] | None, option: str) -> dict[str, str]:
+    pairs: dict[str, str] = {}
+    for text in assignments or ():
+        name, equals, value = text.partition("=")
+        if not (equals and name.strip() and value.strip()):
+            hint = f"; an empty list is written {cut(name.strip())}=none" if equals and name.strip() else ""
+            raise InputError(f"{option} {quoted(text)} is not NAME=VALUE{hint}")
+        if name.strip() in pairs:
+            raise InputError(f"{option} gives {quoted(name.strip())} twice; give it once")
+        pairs[name.strip()] = value.strip()
+    return pairs
+
+
+def _number(text: str, what: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise InputError(f"{what} is {quoted(text)}; give a number") from error
+
+
+def _point(text: str | None, names: Sequence[str], option: str) -> dict[str, float] | None:
+    if text is None:
+        return None
+    numbers = [_number(part, option) for part in text.split(",")]
+    if not all(isfinite(number) for number in numbers):
+        raise InputError(f"{option} is {quoted(text)}; give finite numbers")
+    if len(numbers) != len(names):
+        raise InputError(f"{option} has {len(numbers)} numbers; give one for each of {', '.join(names)}")
+    return dict(zip(names, numbers, strict=True))
+
+
+def _verdict(checked: Audit, solved: bool = True) -> int:
+    console.say(checked.explain())
+    return DONE if checked.proved and solved else NOT_PROVED
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Runs a command line and returns its exit code; errors become one line on stderr."""
+    try:
+        with one_blas_thread:
+            code = _run(arguments)
+        if sys.stdout is not None:
+            sys.stdout.flush()  # else Python finds at exit that it cannot, with a traceback
+    except OSError as error:
+        if error.filename is not None:
+            console.say(f"error: {cut(str(error.filename), LONGEST_PATH)}: {error.strerror}")
+            return WRONG_INPUT
+        sys.stdout = open(os.devnull, "w")  # what could not be written is not tried again at exit
+        console.say(f"error: cannot write the result: {error.strerror or error}")
+        return NOT_PROVED
+    return code
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    command: Callable[..., Any] = typer.main.get_command(app)
+    # The base of all errors about options and arguments; typer does not export it.
+    usage_error: type[Exception] = typer.BadParameter.__mro__[2]
+    try:
+        result = command(
+            args=None if arguments is None else list(arguments), prog_name="ocp-traj", standalone_mode=False
+        )
+    except OcpTrajError as error:
+        code = WRONG_INPUT if isinstance(error, InputError) else NOT_PROVED
+        if "--json" in (sys.argv[1:] if arguments is None else arguments):
+            console.show(
+                console.Sheet({"error": cut(str(error), console.LONGEST_MESSAGE), "exit_code": code}, []), json=True
+            )
+        console.say(f"error: {error}")
+        return code
+    except typer.Exit as stop:
+        return int(stop.exit_code)
+    except MemoryError:
+        console.say("error: this machine has not enough memory for that; ask for less")
+        return NOT_PROVED
+    except usage_error as error:
+        words = error.format_message() if hasattr(error, "format_message") else str(error)
+        if words:
+            console.say(f"error: {cut(' '.join(words.split()), LONGEST_USAGE)}; see ocp-traj --help")
+        return WRONG_INPUT
+    return result if isinstance(result, int) else DONE

@@ -1,0 +1,332 @@
+"""What commands found, as sheets to print: a function a kind of result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from ocp_traj.cli.console import Rows, Sheet, count
+from ocp_traj.formulation.objective import rule_name
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.proof.verdicts import CHECKED, Audit, AuditRow
+from ocp_traj.reproductions.reproduce import Reproduction
+from ocp_traj.results.front import Front, Hypervolume
+from ocp_traj.results.solution import Solution
+from ocp_traj.solvers.payload import LargestPayload
+
+MOST_VARIABLES, SMALL_BLOCK = 60, 4  # with more than the one, only blocks up to the other are printed: our choice
+
+
+def problem_list(problems: Sequence[Problem]) -> Sheet:
+    """All problems, a line each."""
+    data = [
+        {
+            "id": p.id,
+            "title": p.title,
+            "robot": f"{p.robot.model.name}, {p.requirements.dof} joints"
+            if p.robot
+            else f"{p.requirements.dof} joints",
+            "curve": p.curve_kind,
+            "variables": p.size,
+            "objectives": [o.id for o in p.objectives],
+            "paper": p.reference,
+        }
+        for p in problems
+    ]
+    rows = [[", ".join(v) if isinstance(v, list) else v for v in entry.values()] for entry in data]
+    return Sheet({"problems": data}, [("Problems", list(data[0]) if data else [], rows)])
+
+
+def _notes(problem: Problem) -> list[Rows]:
+    """What the case fills in where the paper says nothing."""
+    return [("Not in the paper", ["this case has"], [[note] for note in problem.notes])] if problem.notes else []
+
+
+def problem_sheet(problem: Problem) -> Sheet:
+    """A problem's case, variables, objectives and limits."""
+    case = {f.name: getattr(problem.case, f.name) for f in fields(problem.case)} if is_dataclass(problem.case) else {}
+    variables = [
+        {"id": v.id, "label": label, "lower": float(low), "upper": float(high), "unit": v.unit, "eq": v.eq}
+        for v in problem.variables
+        for label, low, high in zip(v.labels, v.lower, v.upper, strict=True)
+    ]
+    objectives = [
+        {
+            "id": o.id,
+            "unit": o.unit,
+            "scale": o.scale,
+            "sense": o.sense,
+            "eq": o.eq,
+            "reference": problem.reference_point.get(o.id),
+            "integral by": rule_name(o.quadrature),
+        }
+        for o in problem.objectives
+    ]
+    limits = [
+        {"id": c.id, "label": label, "lower": float(low), "upper": float(high), "unit": unit, "eq": c.eq}
+        for c in problem.requirements.path_constraints
+        for label, low, high, unit in zip(c.labels, c.lower, c.upper, c.units, strict=True)
+    ]
+    points = [
+        {"id": c.id, "rows": len(c.labels), "instants": len(c.at), "tolerance": c.tolerance, "eq": c.eq}
+        for c in problem.requirements.point_constraints
+    ]
+    data = {
+        "problem": problem.id,
+        "title": problem.title,
+        "paper": problem.reference,
+        "case": case,
+        "variables": variables,
+        "objectives": objectives,
+        "limits": limits,
+        "point_constraints": points,
+        "continuity": problem.requirements.continuity,
+        "default_objective": problem.default_objective,
+        "notes": list(problem.notes),
+    }
+    headline = f"{problem.id}: {problem.title}. {problem.reference}"
+    tables: list[Rows] = [(headline, ["case field", "value"], list(case.items()))]
+    for title, rows in (
+        ("Variables", variables),
+        ("Objectives", objectives),
+        ("Limits, at every instant", limits),
+        ("Point constraints", points),
+    ):
+        if rows:
+            tables.append((title, list(rows[0]), [list(row.values()) for row in rows]))
+    return Sheet(data, tables + _notes(problem))
+
+
+def _variable_table(problem: Problem, solution: Solution) -> Rows:
+    """The decision variables; of very many those of the small blocks only."""
+    rows, left = [], 0
+    many = problem.size > MOST_VARIABLES
+    places = iter(zip(problem.labels, solution.x, problem.units, strict=True))
+    for block in problem.variables:
+        entries = [list(next(places)) for _ in block.labels]
+        if many and len(entries) > SMALL_BLOCK:
+            left += len(entries)
+        else:
+            rows += entries
+    title = f"Variables (and {left} more: --json, -o)" if left else "Variables"
+    return title, ["name", "value", "unit"], rows
+
+
+def audit_values(checked: Audit) -> dict[str, Any]:
+    """An audit as plain values."""
+    return {
+        "verdict": checked.verdict,
+        "margin": checked.margin,
+        "allowance": checked.allowance,
+        "parameters": dict(checked.parameters),
+        "rows": [vars(r) for r in checked.rows],
+    }
+
+
+def _audit_tables(checked: Audit) -> list[Rows]:
+    columns = ["limit", "joint", "unit", "bound", "allowance", "attained", "t [s]", "margin", "verdict"]
+    proofs = [row for row in checked.rows if row.boxes]
+    checks = [row for row in checked.rows if not row.boxes]
+    tables: list[Rows] = [
+        (
+            f"Audit: {checked.verdict}",
+            columns,
+            [
+                [r.limit, r.label, r.unit, r.bound, r.allowance, r.attained, r.instant, r.margin, r.verdict]
+                for r in proofs
+            ],
+        )
+    ]
+    if checks:
+        failed = [row for row in checks if row.verdict != CHECKED]
+        title = (
+            f"Points, times, variables and continuity: {len(checks) - len(failed)} of {len(checks)} within tolerance"
+        )
+        worst: Sequence[AuditRow] = failed or sorted(checks, key=lambda row: row.margin)[:1]
+        names = ["row", "joint", "unit", "allowed", "found", "t [s]", "verdict"]
+        rows = [[r.limit, r.label, r.unit, r.bound, r.attained, r.instant, r.verdict] for r in worst]
+        tables.append((title, names, rows))
+    return tables
+
+
+def audit_sheet(checked: Audit) -> Sheet:
+    """The rows of an audit."""
+    return Sheet(audit_values(checked), _audit_tables(checked))
+
+
+def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
+    """What a solve found."""
+    units = {o.id: o.unit for o in problem.objectives}
+    solved = solution.audit is not None
+    variables = {name: block.tolist() for name, block in problem.unpack(solution.x).items()} if solved else {}
+    found = solution.trajectory
+    figures = problem.figures(found) if problem.figures is not None and found is not None else ()
+    data = {
+        "problem": problem.id,
+        "status": solution.status.value,
+        "objectives": dict(solution.objectives),
+        "units": units,
+        "variables": variables,
+        "seconds": solution.seconds,
+        "iterations": solution.iterations,
+        "rounds": solution.rounds,
+        "rows": solution.row_count,
+        "starts": solution.starts,
+        "moved": solution.moved,
+        "conflicts": [
+            {
+                "limit": c.row.limit,
+                "label": c.row.label,
+                "value": c.value,
+                "bound": c.bound,
+                "excess": c.excess,
+                "unit": c.row.unit,
+            }
+            for c in solution.conflicts
+        ],
+        "certificate": None
+        if solution.certificate is None
+        else {**vars(solution.certificate), "gap": solution.certificate.gap},
+        "audit": audit_values(solution.audit) if solution.audit is not None else {"verdict": None, "rows": []},
+        "detail": solution.detail,
+        "interrupted": solution.interrupted,
+        "notes": list(problem.notes),
+        "figures": [{"name": n, "value": v, "unit": u} for n, v, u in figures],
+    }
+    if solution.alternatives:
+        data["alternatives"] = [
+            {**_outcome(problem, other), "name": name, "chosen": other.x is solution.x}
+            for name, other in solution.alternatives.items()
+        ]
+    if solution.optima:
+        data["optima"] = [
+            {**_outcome(problem, o.solution), "way": o.way, "starts": o.starts, "sampled": o.sampled}
+            for o in solution.optima
+        ]  # fmt: skip
+    effort = f"{solution.seconds:.2f} s, {count(solution.rounds, 'round')}, {count(solution.iterations, 'iteration')}"
+    certified = ", certified" if solution.certificate is not None and solution.certificate.certified else ""
+    title = f"{problem.id}: {solution.status.value}{certified} in {effort}"
+    tables: list[Rows] = []
+    if solution.audit is not None:
+        tables.append(
+            (title, ["objective", "value", "unit"], [[k, f"{v:.9g}", units[k]] for k, v in solution.objectives.items()])
+        )
+        tables.append(_variable_table(problem, solution))
+        tables += _audit_tables(solution.audit)
+    elif solution.conflicts:
+        rows_ = [[c.row.limit, c.row.label, c.value, c.bound, c.excess, c.row.unit] for c in solution.conflicts]
+        tables.append((title, ["limit", "joint", "value", "allowed", "excess", "unit"], rows_))
+    if figures:
+        tables.append(("Figures", ["figure", "value", "unit"], [[n, f"{v:.5g}", u] for n, v, u in figures]))
+    names = [f"{o.id} [{o.unit}]" for o in problem.objectives]
+    if solution.alternatives:
+        lines = [
+            [name, *_outcome_cells(problem, other), other.x is solution.x]
+            for name, other in solution.alternatives.items()
+        ]
+        tables.append(("Alternatives", ["alternative", *names, "verdict", "chosen"], lines))
+    if solution.optima:
+        lines = [
+            [i, *_outcome_cells(problem, o.solution), o.starts, o.sampled, o.way]
+            for i, o in enumerate(solution.optima, 1)
+        ]
+        sampled = sum(o.sampled for o in solution.optima)
+        title = (
+            f"{len(lines)} local optima, best first; {sampled} of the problem sampled at its first instants led to them"
+        )
+        tables.append((title, ["optimum", *names, "verdict", "starts", "sampled", "way"], lines))
+    return Sheet(data, tables + _notes(problem))
+
+
+def _outcome(problem: Problem, solution: Solution) -> dict[str, Any]:
+    """One of several solutions as plain values."""
+    solved = solution.audit is not None
+    return {
+        "status": solution.status.value,
+        "f": solution.f,
+        "objectives": dict(solution.objectives),
+        "verdict": _verdict(solution),
+        "variables": {k: block.tolist() for k, block in problem.unpack(solution.x).items()} if solved else {},
+        "case": dict(solution.trajectory.case) if solution.trajectory is not None else {},
+    }
+
+
+def _outcome_cells(problem: Problem, solution: Solution) -> list[Any]:
+    values = [solution.objectives.get(o.id) for o in problem.objectives]
+    return [*(None if v is None else f"{v:.7g}" for v in values), _verdict(solution) or solution.status.value]
+
+
+def _verdict(solution: Solution) -> str | None:
+    return solution.audit.verdict if solution.audit is not None else None
+
+
+def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
+    """A front, as saved."""
+    table = front.table
+    hidden = {f"{label} [{unit}]" for label, unit in zip(front.problem.labels, front.problem.units, strict=True)}
+    columns = [name for name in table.columns if name not in hidden]
+    rows = [[index, *row] for index, row in zip(table.index, table[columns].to_numpy(dtype=object), strict=True)]
+    knee = front.knee()
+    data = {
+        "problem": front.problem.id,
+        "method": front.method,
+        "objectives": list(front.objectives),
+        "points": len(front),
+        "seconds": front.seconds,
+        "seed": front.seed,
+        "hypervolume": volume.to_dict(),
+        "spread": front.spread(),
+        "knee": knee,
+        "info": dict(front.info),
+        "notes": list(front.problem.notes),
+        "run": str(folder),
+        "picture": str(folder / "front.png"),
+    }
+    own = " (from its own ideal: not comparable)" if volume.own_ideal else ""
+    title = (
+        f"{front.problem.id}: {len(front)} proved points by {front.method} in {front.seconds:.1f} s; "
+        f"hypervolume {volume.value:.4f}{own}, spread {front.spread():.3f}, knee at point {knee}"
+    )
+    return Sheet(data, [(title, ["point", *columns], rows), *_notes(front.problem)])
+
+
+def front_remarks(front: Front) -> Iterator[str]:
+    """What a reader of a front should not overlook."""
+    if front.info.get("moved") is False:
+        yield f"{front.method} found nothing better than its first generation, which is what this front is made of"
+    if front.info.get("conflict") is False:
+        yield f"{' and '.join(front.objectives)} do not conflict here: one trajectory is best in both"
+    refined, known = front.info.get("points to refine", 0), front.info.get("genetic front", 0)
+    if refined < known:
+        yield f"{refined} points of the genetic front's {known} were to be refined; --points refines more"
+    for name, other in front.info.get("alternatives", {}).items():
+        beyond = other["points not dominated by the chosen front"]
+        if name != front.info.get("alternative") and beyond:
+            yield f"the front is that of {front.info['alternative']}; {beyond} points of {name} add to it: solve it too"
+
+
+def payload_sheet(found: LargestPayload) -> Sheet:
+    """The largest payload and what stops it."""
+    data = {
+        "payload": found.payload,
+        "unit": "kg",
+        "binding": found.binding,
+        "instant": found.instant,
+        "kind": found.kind,
+        "argument": found.argument,
+        "verdict": found.audit.verdict if found.audit is not None else None,
+    }
+    names = ["payload [kg]", "binding limit", "instant [s]", "holds for", "because"]
+    row = [f"{found.payload:.6f}", found.binding, found.instant, found.kind, found.argument]
+    return Sheet(data, [("Largest payload", names, [row])])
+
+
+def reproduction_sheet(found: Reproduction) -> Sheet:
+    """A paper's tables beside ours."""
+    tables = [
+        (title, [str(name) for name in table.columns], table.to_numpy(dtype=object).tolist())
+        for title, table in found.tables.items()
+    ]
+    return Sheet(found.to_dict(), tables)

@@ -1,0 +1,324 @@
+"""Evolution of populations through pymoo: the problem as it sees it, and the loop that all methods share.
+
+Limits are looked at on a few instants a segment: what they miss between them is for the audit to find, and for a
+dilation to mend.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from pymoo.core.problem import Problem as PymooProblem
+
+from ocp_traj.errors import InputError, NoSolutionFound
+from ocp_traj.evolution.population import Population
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import Scalarisation
+from ocp_traj.progress import Progress
+from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet
+from ocp_traj.results.records import Found, ignore, of_population
+from ocp_traj.results.solution import Solution
+from ocp_traj.results.time_scaling import TimeScaling, slow_down
+from ocp_traj.results.trajectory import trajectory_of
+from ocp_traj.stopping import STOPS, stopping
+from ocp_traj.transcription.nlp import Status
+from ocp_traj.transcription.symbolic import degrees, evaluate_objectives
+
+Array = NDArray[np.float64]
+
+# Between two records of a population: seconds, or this share of the time so far where that is longer; our choice.
+EVERY, SHARE = 1.0, 0.05
+WORST = 1e12  # finite stand-in for a value that could not be computed: NaN would reach the front
+SAME = 1e-9  # relative: a value better by less is the same; our choice
+# Feasibility: Deb's rules, the feasible before the infeasible. Penalty: the sum of excesses, weighted, on top of the
+# objective. Death: an infeasible individual is as bad as any other. Dominated: any feasible one is better than it.
+HANDLING = ("feasibility", "penalty", "death", "dominated")
+
+
+def require_sizes(population: int, generations: int, least: int = 4) -> None:
+    """Raises ``InputError`` where a population has too few individuals to breed, or no generation."""
+    if population < least or generations < 1:
+        raise InputError(
+            f"a population needs {least} or more individuals and 1 or more generations; got {population}, {generations}"
+        )
+
+
+class Vectorised(PymooProblem):  # type: ignore[misc]  # pymoo is untyped
+    """A problem as pymoo sees it: a generation a call, every limit a constraint, objectives to be minimised.
+
+    Attributes:
+        handling: of constraints, one of ``HANDLING``.
+        weight: of ``penalty``, in units of the objectives' scales.
+        tolerance: excess of a limit, in its scale, that is overlooked.
+        seconds, calls, individuals: spent on evaluation.
+        last: the individuals of the last call, their first objective and sums of excesses.
+    """
+
+    def __init__(
+        self, problem: Problem, objectives: Sequence[str], per_segment: int,
+        handling: str = "feasibility", weight: float = 1e3, refine: bool = False, scaling: bool = False,
+        tolerance: float = 0.0,
+    ) -> None:  # fmt: skip
+        if handling not in HANDLING:
+            raise InputError(f"constraint handling is {handling!r}; allowed are {', '.join(HANDLING)}")
+        self.handling, self.weight, self.tolerance = handling, weight, tolerance
+        self.last: tuple[Array, Array, Array] = (np.empty((0, problem.size)), np.empty(0), np.empty(0))
+        # Of a curve of high degree fewer instants hide too much: evolution goes where nobody looks.
+        self.population = Population(problem, objectives, max(per_segment, *degrees(problem)), refine)
+        self.scaling = TimeScaling(problem) if scaling else None
+        self.idle, self.least = problem.idle(objectives), problem.lower
+        chosen = [problem.objective(name) for name in objectives]
+        self.signs = np.array([1.0 if o.sense == "min" else -1.0 for o in chosen])
+        self.scales = np.array([o.scale for o in chosen])
+        # Beyond its reference point an objective is not worth having; alone, it needs no such bound.
+        bounds = problem.reference_point if len(chosen) > 1 else {}
+        self.worst = np.array([self.signs[i] * bounds.get(o.id, np.inf) for i, o in enumerate(chosen)])
+        self.seconds, self.calls, self.individuals = 0.0, 0, 0
+        rows = sum(len(limit.labels) for limit in problem.requirements.path_constraints)
+        self.problem_size = problem.size
+        super().__init__(
+            n_var=problem.size,
+            n_obj=len(chosen),
+            n_ieq_constr=rows + int(np.isfinite(self.worst).sum()) if handling == "feasibility" else 0,
+            xl=problem.lower,
+            xu=problem.upper,
+        )
+
+    def meant(self, x: Array) -> Array:
+        """Individuals ``(N, n)``, as they are evaluated.
+
+        Auxiliary variables of objectives that are not traded are put where they ask least; time is scaled if wanted.
+        """
+        fixed = np.where(self.idle, self.least, x)
+        return fixed if self.scaling is None else self.scaling.apply(fixed)
+
+    def _evaluate(self, x: Array, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
+        begun = time.perf_counter()
+        x = self.meant(x)
+        evaluation = self.population.evaluate(x)
+        f = evaluation.objectives * self.signs
+        bounded = np.isfinite(self.worst)
+        beyond = (f[:, bounded] - self.worst[bounded]) / self.scales[bounded]
+        g = np.concatenate([evaluation.violations, beyond], axis=1)
+        broken = ~np.isfinite(f).all(axis=1)
+        g[broken] = WORST
+        f = np.where(np.isfinite(f), f, WORST)
+        g = np.clip(np.where(np.isnan(g), WORST, g - self.tolerance), -WORST, WORST)
+        excess = np.maximum(g, 0.0).sum(axis=1)
+        if self.handling == "feasibility":
+            out["G"] = g
+        elif self.handling == "penalty":
+            f = f + self.weight * self.scales * excess[:, None]
+        elif self.handling == "death":
+            f = np.where(excess[:, None] > 0.0, WORST, f)
+        else:  # beyond every feasible point, and the farther the more it is broken
+            f = np.where(excess[:, None] > 0.0, WORST * (1.0 + np.minimum(excess, WORST)[:, None]), f)
+        out["F"], out["excess"] = f, excess
+        self.last = (x, f[:, 0], excess)
+        self.seconds += time.perf_counter() - begun
+        self.calls += 1
+        self.individuals += len(x)
+
+
+@dataclass(frozen=True, eq=False)
+class Evolution:
+    """How a run went.
+
+    Attributes:
+        best: decision vectors ``(M, n)`` of the feasible individuals that are best (not dominated); M may be 0.
+        history: a row a generation: ``evaluations``, ``best`` (least feasible value so far of the first objective, NaN
+            where there is none) and ``violation`` (least sum of excesses in the generation).
+        seconds: spent.
+        interrupted: whether Ctrl-C ended it before its last generation.
+        moved: whether it found anything better than its first generation: a feasible individual that none of the first
+            is as good as in every objective, to ``SAME``.
+    """
+
+    best: Array
+    history: pd.DataFrame
+    seconds: float
+    interrupted: bool
+    moved: bool
+
+    def reached(self, value: float) -> int | None:
+        """Evaluations after which the best value was at most this, or None."""
+        rows = self.history[self.history["best"] <= value]
+        return int(rows["evaluations"].iloc[0]) if len(rows) else None
+
+
+def evolve(
+    algorithm: Any, target: Vectorised, generations: int, seed: int, max_seconds: float, progress: Progress,
+    before: Any = None, after: Callable[[Any], bool] | None = None, found: Found = ignore,
+) -> Evolution:  # fmt: skip
+    """Runs a pymoo algorithm for some generations, or some time; Ctrl-C ends it early with what it has.
+
+    Args:
+        algorithm: of pymoo.
+        target: the problem.
+        generations: how many.
+        seed: of everything random in the algorithm.
+        max_seconds: stop after the generation that passes this.
+        progress: told after each generation.
+        before: called with the algorithm and the number of the generation before it.
+        after: called with the algorithm after each generation; the run ends where it says so.
+        found: given a record of the best individuals of several objectives, now and then and at the end.
+    """
+    begun = told = time.perf_counter()
+    algorithm.setup(target, termination=("n_gen", generations), seed=seed, verbose=False)
+    rows: list[tuple[int, float, float]] = []
+    least = np.nan
+    champion: Array | None = None
+    begun_with = np.empty((0, target.n_obj))
+
+    def feasible() -> Array:
+        """Objectives ``(M, objectives)`` of the best so far, less is better."""
+        if target.n_obj == 1:
+            return np.array([[least]])[[champion is not None]]
+        if algorithm.opt is None or not len(algorithm.opt) or not algorithm.opt.has("excess"):
+            return np.empty((0, target.n_obj))
+        met = np.ravel(algorithm.opt.get("excess").astype(float)) <= 0.0
+        return np.asarray(algorithm.opt.get("F").astype(float)[met])
+
+    with stopping(max_seconds) as stop:
+        try:
+            while algorithm.has_next() and not stop.due:
+                if before is not None:
+                    before(algorithm, len(rows))
+                algorithm.next()
+                x, f, excess = target.last
+                met = excess <= 0.0
+                if met.any() and not f[met].min() >= least:
+                    least = float(f[met].min())
+                    champion = np.array(x[met][np.argmin(f[met])], dtype=float)
+                rows.append((target.individuals, least, float(excess.min())))
+                if len(rows) == 1:
+                    begun_with = feasible()
+                now = time.perf_counter()
+                if target.n_obj > 1 and now - told >= max(EVERY, SHARE * (now - begun)):
+                    _tell(found, _best(algorithm, target))
+                    told = now
+                over = after is not None and after(algorithm)
+                progress(len(rows), generations, f"best {least:.6g}" if np.isfinite(least) else "nothing feasible yet")
+                if over:
+                    break
+        except STOPS as reason:
+            stop.take(reason)
+        interrupted = algorithm.has_next() and stop.tell()
+    if target.n_obj > 1:
+        best = _best(algorithm, target) if rows else np.empty((0, target.problem_size))
+        _tell(found, best)
+    else:
+        best = champion[None] if champion is not None else np.empty((0, target.problem_size))
+    history = pd.DataFrame(rows, columns=["evaluations", "best", "violation"]).rename_axis("generation")
+    return Evolution(best, history, time.perf_counter() - begun, interrupted, _gains(feasible(), begun_with))
+
+
+def _gains(values: Array, on: Array) -> bool:
+    """Whether one of some values ``(M, objectives)`` is better than each of others ``(N, objectives)`` in something."""
+    better = np.any(values[:, None] < on - SAME * np.abs(on), axis=2)  # (M, N)
+    return bool(np.any(np.all(better, axis=1)))
+
+
+def _best(algorithm: Any, target: Vectorised) -> Array:
+    """The feasible and non-dominated individuals ``(M, n)``, as they are evaluated."""
+    best = algorithm.opt
+    if best is None or not len(best) or not best.has("excess"):
+        return np.empty((0, target.problem_size))
+    met = np.ravel(best.get("excess").astype(float)) <= 0.0
+    return target.meant(np.atleast_2d(best.get("X").astype(float))[met])
+
+
+def _tell(found: Found, best: Array) -> None:
+    if len(best):
+        found(of_population(best))
+
+
+def front_of(
+    run: Evolution, target: Vectorised, problem: Problem, method: str, seed: int, population: int, generations: int
+) -> ParetoSet:
+    """The Pareto set of a run; raises ``NoSolutionFound`` where nothing is feasible, unless it was interrupted."""
+    if not len(run.best) and not run.interrupted:
+        raise NoSolutionFound(_nothing(problem, method, population, generations, run))
+    info = {
+        "population": population,
+        "generations": generations,
+        "evaluation calls": target.calls,
+        "evaluations": target.individuals,
+        "evaluation seconds": target.seconds,
+        "algorithm seconds": run.seconds - target.seconds,
+        **ended_after(run, generations),
+        "moved": run.moved,
+    }
+    return ParetoSet(list(run.best), method, seed, run.seconds, info, run.interrupted)
+
+
+def ended_after(run: Evolution, generations: int) -> dict[str, str]:
+    """What ``info`` says of a run that Ctrl-C or its time ended before its last generation."""
+    done = len(run.history)
+    return {ENDED_AFTER: f"{done} of {generations} generations"} if done < generations else {}
+
+
+def solution_of(
+    run: Evolution, target: Vectorised, problem: Problem, name: str, method: str, population: int, generations: int
+) -> Solution:
+    """The best individual, slowed down until it is proved where that can be done: feasible, with no claim beyond that.
+
+    Args:
+        run: of one objective.
+        target: what it ran on.
+        problem: whose limits are to be proved.
+        name: of the objective.
+        method: for messages.
+        population: for messages.
+        generations: for messages.
+    """
+    if not len(run.best):
+        if run.interrupted:
+            raise KeyboardInterrupt
+        raise NoSolutionFound(_nothing(problem, method, population, generations, run))
+    (x,), (found,) = slow_down(problem, [run.best[0]])
+    mended = "" if np.array_equal(x, run.best[0]) else ", slowed down where limits were broken between its instants"
+    claim = "not claimed to be optimal" if run.moved else "none is better than the best of those it began with"
+    objectives = evaluate_objectives(problem, x)
+    sign = 1.0 if problem.objective(name).sense == "min" else -1.0
+    return Solution(
+        name=problem.id,
+        x=x,
+        f=sign * objectives[name] / problem.objective(name).scale,
+        status=Status.FEASIBLE if found.proved else Status.UNPROVED,
+        violation=0.0 if found.proved else np.nan,
+        iterations=len(run.history),
+        seconds=run.seconds,
+        objectives=objectives,
+        trajectory=trajectory_of(problem, x),
+        audit=found,
+        detail=f"{method}: the best of {target.individuals} individuals{mended}; {claim}",
+        moved=run.moved,
+        history=run.history,
+        interrupted=f"after {len(run.history)} of {generations} generations" if run.interrupted else "",
+    )
+
+
+def single_objective(problem: Problem, scalarisation: Scalarisation, method: str) -> str:
+    """The one objective of a scalarisation, or an error: these methods rank individuals by one objective."""
+    if len(scalarisation.names) != 1 or getattr(scalarisation, "bounds", None) or getattr(scalarisation, "goals", None):
+        raise InputError(
+            f"{method} minimises one objective of {problem.id}, not {', '.join(scalarisation.names)}; "
+            "give --objective, or change the case's weights"
+        )
+    return scalarisation.names[0]
+
+
+def _nothing(problem: Problem, method: str, population: int, generations: int, run: Evolution) -> str:
+    done = len(run.history)
+    ended = "" if done >= generations else f" ({done} of them were run before their time was over)"
+    return (
+        f"{problem.id}: no individual of {method} met every limit in {generations} generations of {population}{ended}; "
+        "give it more of either, or use an exchange or trace, which name the limits in conflict"
+    )

@@ -1,0 +1,197 @@
+"""Objectives and limits of many decision vectors in one pass of the tapes: what evolutionary loops evaluate.
+
+The curve's tape turns a population into control points, small matrices turn those into states at all instants, and one
+run of each limit's and integrand's tape evaluates every instant of every individual together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ocp_traj.curves.bernstein import basis, difference_matrix
+from ocp_traj.errors import InputError
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.requirements import ORDERS, SWEEP, PathConstraint
+from ocp_traj.interval.tape import Tape
+from ocp_traj.transcription.symbolic import (
+    curve_function,
+    integrand_function,
+    plain_objectives,
+    quadrature,
+    row_variations,
+    variables_function,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """A population's values.
+
+    Attributes:
+        objectives: ``(N, objectives asked for)``, in their own sense and unit.
+        violations: of each row of each path limit ``(N, rows)``: largest excess over the instants in units of the
+            limit's scale, <= 0 where met. NaN becomes inf: an individual that cannot be evaluated is infeasible.
+    """
+
+    objectives: Array
+    violations: Array
+
+
+class _Nodes:
+    """Instants on a curve, with the matrices that turn control points into states there."""
+
+    def __init__(self, nodes: Sequence[tuple[int, float]], degrees: Sequence[int]) -> None:
+        self.nodes = tuple(nodes)
+        self.u = np.array([u for _, u in nodes])
+        self.segment = np.array([k for k, _ in nodes], dtype=np.intp)
+        self._matrices = []  # (segment, its places among the nodes, (orders, places, n + 1))
+        for k in sorted(set(self.segment.tolist())):
+            places, n = np.nonzero(self.segment == k)[0], degrees[k]
+            per_order = [basis(max(n - o, 0), self.u[places]) @ difference_matrix(n, o) for o in range(len(ORDERS))]
+            self._matrices.append((k, places, np.stack(per_order)))
+
+    def states(self, points: list[Array], durations: Array) -> Array:
+        """Derivatives 0..4 at the nodes ``(5, dof, M, N)`` from control points ``(n_k + 1, dof, N)``."""
+        dof, individuals = points[0].shape[1:]
+        out = np.empty((len(ORDERS), dof, len(self.nodes), individuals))
+        for k, places, matrices in self._matrices:
+            flat = points[k].reshape(len(points[k]), -1)
+            for order, matrix in enumerate(matrices):
+                values = (matrix @ flat).reshape(len(places), dof, individuals) / durations[k] ** order
+                out[order][:, places] = values.swapaxes(0, 1)
+        return out
+
+
+class Population:
+    """Evaluates populations of one problem.
+
+    Args:
+        problem: whose objectives and limits.
+        objectives: ids, in the order wanted.
+        per_segment: instants a segment at which limits are looked at.
+        refine: whether peaks between instants are estimated by parabolas through three of them: closer, and no proof
+            either.
+    """
+
+    def __init__(self, problem: Problem, objectives: Sequence[str], per_segment: int = 5, refine: bool = False) -> None:
+        """Compiles the tapes; see the class."""
+        self.problem, self.names, self.refine = problem, tuple(objectives), refine
+        self._plain = plain_objectives(problem, self.names)
+        curve = curve_function(problem)
+        self._curve = Tape(curve)
+        self._shapes = [curve.size_out(k) for k in range(2, curve.n_out())]
+        degrees = [rows - 1 for rows, _ in self._shapes]
+        last = len(degrees) - 1
+        grid = [(k, float(u)) for k in range(last + 1) for u in np.linspace(0.0, 1.0, per_segment)]
+        # Where a limit is continuous at an inner knot, one side of it is enough.
+        grids = {True: _Nodes([(k, u) for k, u in grid if u < 1.0 or k == last], degrees), False: _Nodes(grid, degrees)}
+        requirements = problem.requirements
+        partial = {
+            limit.segments: _Nodes([(k, u) for k, u in grid if limit.holds_on(k)], degrees)
+            for limit in requirements.path_constraints
+            if limit.segments is not None
+        }
+        self._limits = [
+            (
+                limit,
+                grids[requirements.continuous(limit)] if limit.segments is None else partial[limit.segments],
+                Tape(requirements.function(limit)),
+            )
+            for limit in requirements.path_constraints
+        ]
+        self._integrals: dict[str, tuple[_Nodes, Array, Tape]] = {}
+        self._direct: dict[str, Tape] = {}
+        for objective in self._plain.values():
+            if objective.integrand is not None:
+                nodes, weights = quadrature(problem, objective)
+                tape = Tape(integrand_function(problem, objective))
+                self._integrals[objective.id] = (_Nodes(nodes, degrees), weights, tape)
+            elif objective.of_variables is not None:
+                self._direct[objective.id] = Tape(variables_function(problem, objective))
+
+    def evaluate(self, x: ArrayLike) -> Evaluation:
+        """Objectives and violations of a population ``x (N, n)``."""
+        population = np.atleast_2d(np.asarray(x, dtype=float))
+        if population.shape[1] != self.problem.size:
+            raise InputError(
+                f"{self.problem.id} has {self.problem.size} variables; the population has {population.shape[1]}"
+            )
+        durations, parameters, *flat = self._curve.evaluate(population.T)
+        # CasADi stores matrices by column: (dof, n + 1, N) after reshaping, then (n + 1, dof, N).
+        points = [
+            np.ascontiguousarray(np.swapaxes(p.reshape(cols, rows, -1), 0, 1))
+            for p, (rows, cols) in zip(flat, self._shapes, strict=True)
+        ]
+        states = {nodes: nodes.states(points, durations) for nodes in {nodes for _, nodes, _ in self._limits}}
+        violations = [
+            _violation(limit, nodes, tape, states[nodes], parameters, self.refine)
+            for limit, nodes, tape in self._limits
+        ]
+        values: dict[str, Array] = {}
+        for name, objective in self._plain.items():
+            if objective.terms is not None:
+                values[name] = np.asarray(sum(factor * values[term] for term, factor in objective.terms.items()))
+            elif objective.variation is not None:
+                values[name] = row_variations(self.problem, objective, points).sum(axis=0)
+            elif name in self._direct:
+                values[name] = self._direct[name].evaluate(population.T)[0][0]
+            else:
+                nodes, weights, tape = self._integrals[name]
+                integrand = _over_nodes(tape, nodes.states(points, durations), nodes, parameters, None)[0]
+                values[name] = (integrand * (weights @ durations)).sum(axis=0)
+        worst = np.concatenate(violations).T if violations else np.zeros((len(population), 0))
+        return Evaluation(
+            np.stack([values[name] for name in self.names], axis=1), np.where(np.isnan(worst), np.inf, worst)
+        )
+
+
+def _violation(
+    limit: PathConstraint, nodes: _Nodes, tape: Tape, states: Array, parameters: Array, refine: bool
+) -> Array:
+    """Largest excess of each row over the nodes, in units of the limit's scale: ``(rows, N)``."""
+    if limit.order is not None:
+        values = states[limit.order]
+    elif limit.sweep:
+        swept = [_over_nodes(tape, states, nodes, parameters, limit.constants, s) for s in SWEEP]
+        values = np.concatenate(swept, axis=1)
+    else:
+        values = _over_nodes(tape, states, nodes, parameters, limit.constants)
+    scale = limit.scale[:, None]
+    high, low = values.max(axis=1), values.min(axis=1)
+    if refine:
+        high, low = np.maximum(high, _between(values, nodes)), np.minimum(low, -_between(-values, nodes))
+    return np.asarray(np.maximum(high - limit.upper[:, None], limit.lower[:, None] - low) / scale)
+
+
+def _between(values: Array, nodes: _Nodes) -> Array:
+    """Largest vertex of the parabolas through three neighbouring nodes of a segment ``(rows, N)``; -inf for none.
+
+    The last node of a segment may be the first of the next one, where the limit is continuous there.
+    """
+    inside = (nodes.segment[:-2] == nodes.segment[1:-1]) & (nodes.u[1:-1] > 0.0) & (nodes.u[1:-1] < 1.0)
+    a, b, c = values[:, :-2][:, inside], values[:, 1:-1][:, inside], values[:, 2:][:, inside]
+    if not inside.any():
+        return np.full(values[:, 0].shape, -np.inf)
+    bend = a - 2.0 * b + c
+    with np.errstate(divide="ignore", invalid="ignore"):
+        peak = b - (a - c) ** 2 / (8.0 * bend)
+    return np.asarray(np.where((b >= a) & (b >= c) & (bend < 0.0), peak, -np.inf).max(axis=1))
+
+
+def _over_nodes(
+    tape: Tape, states: Array, nodes: _Nodes, parameters: Array, constants: Array | None, s: float | None = None
+) -> Array:
+    """Runs a state function's tape over nodes and individuals together: ``(rows, M, N)``."""
+    m, n = states.shape[2:]
+    p = np.tile(parameters, (1, m))
+    c = np.zeros((0, m * n)) if constants is None else np.repeat(constants[nodes.segment].T, n, axis=1)
+    place = np.repeat(nodes.u, n)[None]
+    if s is not None:
+        place = np.concatenate([place, np.full_like(place, s)])
+    return tape.evaluate(states.reshape(-1, m * n), place, p, c)[0].reshape(-1, m, n)

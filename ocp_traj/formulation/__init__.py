@@ -1,0 +1,1 @@
+"""What a problem says: variables, objectives, limits, scalarisations; the registry of problems."""

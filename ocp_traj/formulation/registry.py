@@ -1,0 +1,100 @@
+"""Problems by id: the published ones, those a user registers, and those of other packages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from importlib.metadata import entry_points
+from typing import Any
+
+from ocp_traj.blas import one_blas_thread
+from ocp_traj.errors import InputError, UnknownName, quoted
+from ocp_traj.formulation.case import convert
+from ocp_traj.formulation.problem import Problem
+
+GROUP = "ocp_traj.problems"  # entry points NAME = "module", of modules that have ``build`` and ``Case``
+
+# A new paper is one file in problems/ and one name here.
+MODULES = {
+    "hybrid-spline": "ocp_traj.problems.hybrid_spline",
+    "rotor-353": "ocp_traj.problems.rotor_353",
+    "wrist-obstacle": "ocp_traj.problems.wrist_obstacle",
+    "weld-bezier": "ocp_traj.problems.weld_bezier",
+}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A registered problem.
+
+    Attributes:
+        build: case -> problem.
+        case: the frozen dataclass of its numbers.
+        module: in which it is written, or none.
+    """
+
+    build: Callable[[Any], Problem]
+    case: type[Any]
+    module: Any = None
+
+
+_registered: dict[str, Entry] = {}
+
+
+def register(id: str, build: Callable[[Any], Problem], case: type[Any]) -> None:
+    """Makes a problem known by an id for the rest of this process, so that files and commands can name it.
+
+    Args:
+        id: of the problems that ``build`` makes.
+        build: case -> problem.
+        case: frozen dataclass of the problem's numbers, with a default for each.
+    """
+    if id in names():
+        raise InputError(f"there is a problem {id!r} already; problems are {', '.join(names())}")
+    _registered[id] = Entry(build, case, import_module(build.__module__))
+
+
+def names() -> tuple[str, ...]:
+    """Ids of all problems."""
+    return tuple(dict.fromkeys((*MODULES, *_of_other_packages(), *_registered)))
+
+
+@cache
+def _of_other_packages() -> dict[str, str]:
+    """Modules of problems that installed packages offer, by id."""
+    return {point.name: point.value for point in entry_points(group=GROUP)}
+
+
+def entry(id: str) -> Entry:
+    """A registered problem; raises ``UnknownName`` where there is none of that id."""
+    if id in _registered:
+        return _registered[id]
+    found = _of_other_packages() | MODULES
+    if id not in found:
+        raise UnknownName(f"there is no problem {quoted(id)}; problems are {', '.join(names())}")
+    module = import_module(found[id])
+    return Entry(module.build, module.Case, module)
+
+
+def case_class(id: str) -> Any:
+    """The frozen dataclass that holds a problem's numbers."""
+    return entry(id).case
+
+
+def module(id: str) -> Any:
+    """The module a problem is written in."""
+    return entry(id).module
+
+
+@one_blas_thread
+def load(id: str, **changes: Any) -> Problem:
+    """Builds a problem, with fields of its case changed.
+
+    Args:
+        id: of the problem.
+        changes: case fields; lists become tuples, whole numbers floats where the default is one.
+    """
+    found = entry(id)
+    return found.build(found.case(**convert(id, found.case, changes)))

@@ -1,0 +1,108 @@
+"""Requirements that most problems have, each written once: limits on joints and efforts, rest, via points, tool box."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import casadi
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ocp_traj.formulation.requirements import ORDERS, Expression, PathConstraint, PointConstraint, Points
+from ocp_traj.robot.joint_limits import JointLimits
+from ocp_traj.robot.robot import Robot
+
+Array = NDArray[np.float64]
+
+QUANTITIES = ("position", "velocity", "acceleration", "jerk", "snap")  # of ORDERS
+PER_TIME = ("", "/s", "/s2", "/s3", "/s4")  # of ORDERS
+ENDS: Points = ((0, 0.0), (-1, 1.0))
+AXES = ("x", "y", "z")
+EFFORT = "effort-limit"  # id of the limit on what the actuators do, forces and torques alike
+
+
+def units_of(units: Sequence[str], order: int) -> tuple[str, ...]:
+    """Units of the order-th time derivative of joints."""
+    return tuple(unit + PER_TIME[order] for unit in units)
+
+
+def joint_limits(
+    limits: JointLimits, joints: Sequence[str], units: Sequence[str], eq: Mapping[str, str] | None = None
+) -> tuple[PathConstraint, ...]:
+    """``position-limit`` .. ``snap-limit``, those that are given and finite on some side.
+
+    Args:
+        limits: of the joints.
+        joints: one name a joint.
+        units: "m" or "rad", one a joint.
+        eq: equations or tables of the source, by quantity.
+    """
+    found = []
+    for order, name in enumerate(QUANTITIES):
+        pair = limits.bounds(name)
+        if pair is not None and np.isfinite(pair).any():
+            labels, source = tuple(joints), (eq or {}).get(name, "")
+            found.append(
+                PathConstraint.on_derivative(f"{name}-limit", order, *pair, units_of(units, order), labels, source)
+            )
+    return tuple(found)
+
+
+def effort_limit(
+    effort: Expression, bounds: tuple[ArrayLike, ArrayLike], units: Sequence[str], labels: Sequence[str], eq: str = ""
+) -> PathConstraint:
+    """The limit called ``EFFORT``: forces [N] and torques [N m] of the actuators, as an expression of the state."""
+    lower, upper = (np.asarray(bound, dtype=float) for bound in bounds)
+    return PathConstraint(EFFORT, effort, lower, upper, tuple(units), tuple(labels), eq)
+
+
+def tool_box(robot: Robot, lower: ArrayLike, upper: ArrayLike, eq: str = "") -> PathConstraint:
+    """``tool-box``: the tool frame's origin within a box of the world [m]; infinite where a side is open."""
+    low, high = (np.asarray(bound, dtype=float) for bound in (lower, upper))
+    return PathConstraint("tool-box", lambda s: robot.tool_pose(s.q)[1], low, high, ("m",) * 3, AXES, eq)
+
+
+def rest(
+    joints: Sequence[str], units: Sequence[str], order: int = 2, at: Points = ENDS, eq: str = "", **more: Any
+) -> PointConstraint:
+    """``rest``: derivatives 1 to ``order`` of all joints vanish, at both ends unless told otherwise.
+
+    ``more`` are further fields of ``PointConstraint``.
+    """
+    count = order * len(joints)
+    labels = tuple(f"{ORDERS[k]} {joint}" for k in range(1, order + 1) for joint in joints)
+    per_time = tuple(unit for k in range(1, order + 1) for unit in units_of(units, k))
+    fixed = np.zeros(count), np.zeros(count), per_time, labels, eq
+    return PointConstraint(
+        "rest", lambda s: casadi.vertcat(*s[1 : order + 1]), at, *fixed, **{"structural": True} | more
+    )
+
+
+def via_points(
+    points: ArrayLike,
+    at: Points,
+    joints: Sequence[str],
+    units: Sequence[str],
+    eq: str = "",
+    id: str = "via",
+    **more: Any,
+) -> PointConstraint:
+    """``via``: positions ``(instants, joints)`` that are passed at given instants."""
+    where = np.asarray(points, dtype=float)
+    return PointConstraint(
+        id, lambda s: s.q, at, where, where, tuple(units), tuple(joints), eq, **{"structural": True} | more
+    )
+
+
+def posture(
+    id: str, q: ArrayLike, at: Points, joints: Sequence[str], units: Sequence[str], eq: str = ""
+) -> PointConstraint:
+    """A place ``(joints,)`` in joint space at which all derivatives up to snap vanish."""
+    place = np.asarray(q, dtype=float)
+    state = np.concatenate([place, np.zeros((len(ORDERS) - 1) * len(place))])
+    labels = tuple(f"{order} {joint}" for order in ORDERS for joint in joints)
+    per_time = tuple(unit for k in range(len(ORDERS)) for unit in units_of(units, k))
+    return PointConstraint(
+        id, lambda s: casadi.vertcat(*s[: len(ORDERS)]), at, state, state, per_time, labels, eq, structural=True
+    )

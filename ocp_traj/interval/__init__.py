@@ -1,0 +1,1 @@
+"""Interval arithmetic that rounds outward, and SX functions evaluated in it."""

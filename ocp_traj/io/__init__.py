@@ -1,0 +1,1 @@
+"""Files: limits, run folders, exports, pictures."""

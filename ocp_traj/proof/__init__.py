@@ -1,0 +1,1 @@
+"""Proof that a motion respects every limit at every instant."""

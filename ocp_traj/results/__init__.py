@@ -1,0 +1,1 @@
+"""What solvers return: trajectories, solutions, local optima, fronts."""

@@ -1,0 +1,61 @@
+"""What a front method returns: decision vectors, and how it came by them; and the proved front that is made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.results.front import Front
+from ocp_traj.results.time_scaling import slow_down
+
+Array = NDArray[np.float64]
+
+ENDED_AFTER = "ended after"  # key of ``info``: what was done, of how much, when Ctrl-C or a budget ended the method
+
+
+@dataclass(frozen=True, eq=False)
+class ParetoSet:
+    """Decision vectors of an approximation of the Pareto set.
+
+    Attributes:
+        xs: vectors ``(n,)``, not yet audited.
+        method: name of the method.
+        seed: of its randomness, or None.
+        seconds: spent.
+        info: what else is worth recording.
+        interrupted: whether Ctrl-C ended it.
+    """
+
+    xs: Sequence[Array]
+    method: str
+    seed: int | None
+    seconds: float
+    info: Mapping[str, Any] = field(default_factory=dict)
+    interrupted: bool = False
+
+
+class FrontMethod(Protocol):
+    """Anything that approximates a Pareto set."""
+
+    def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
+        """Approximates the Pareto set of some objectives of a problem."""
+
+
+def proved_front(problem: Problem, objectives: Sequence[str], found: ParetoSet, keep_unproved: bool = False) -> Front:
+    """The proved and non-dominated of what a method found, settled and slowed down where that helps; ``Front.of``."""
+    settled = found.xs if problem.settle is None else [problem.settle(x) for x in found.xs]
+    xs, checked = slow_down(problem, settled)
+    # What was found may be proved where what it was settled to is not: a little less is asked of it.
+    unproved = [i for i, one in enumerate(checked) if not one.proved] if problem.settle is not None else []
+    for i, x in zip(unproved, slow_down(problem, [found.xs[i] for i in unproved])[0], strict=True):
+        xs[i] = x
+    info = {**found.info, "interrupted": found.interrupted}
+    return Front.of(
+        problem, tuple(objectives), xs,
+        method=found.method, seed=found.seed, seconds=found.seconds, info=info, keep_unproved=keep_unproved,
+    )  # fmt: skip

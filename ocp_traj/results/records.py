@@ -1,0 +1,78 @@
+"""Records of finished work, plain JSON values: what a journal holds, and what a front can be made of.
+
+Every record has a ``kind`` and ``points``, each with its variables ``x (n,)`` and, but in a population, its objectives
+and the verdict of its audit. Numbers come back to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from ocp_traj.files import plain
+from ocp_traj.formulation.scalarise import Scalarisation
+from ocp_traj.proof.verdicts import PROVED
+from ocp_traj.results.front import Front
+from ocp_traj.results.solution import Solution
+from ocp_traj.transcription.nlp import Status
+
+SOLVE, POPULATION, FRONT = "solve", "population", "front"
+
+Record = Mapping[str, Any]
+Found = Callable[[Record], None]
+"""Called with a record of each finished piece of work, before the next is begun."""
+
+
+def ignore(record: Record) -> None:
+    """Keeps nothing."""
+
+
+def of_solve(scalarisation: Scalarisation, solution: Solution) -> Record:
+    """One solve, failed ones too: what was asked, what came of it, and where a neighbour's solve would begin."""
+    point = {
+        "x": solution.x,
+        "objectives": solution.objectives,
+        "verdict": solution.audit.verdict if solution.audit is not None else None,
+    }
+    instants = [{name: value for name, value in vars(i).items() if value is not None} for i in solution.instants]
+    return _record(
+        SOLVE,
+        [point],
+        scalarisation={"kind": type(scalarisation).__name__, **vars(scalarisation)},
+        status=solution.status.name,
+        detail=solution.detail,
+        f=solution.f,
+        iterations=solution.iterations,
+        rounds=solution.rounds,
+        seconds=solution.seconds,
+        instants=instants,
+    )
+
+
+def of_population(xs: Iterable[ArrayLike]) -> Record:
+    """The best of a population so far ``(n,)`` each, not yet audited: it takes the place of earlier ones."""
+    return _record(POPULATION, [{"x": x} for x in xs])
+
+
+def of_front(front: Front) -> Record:
+    """A front, as its run ended."""
+    points = [{"x": p.x, "objectives": p.objectives, "verdict": p.verdict} for p in front.points]
+    chosen = front.info.get("alternative")
+    return _record(FRONT, points, **({} if chosen is None else {"alternative": chosen}))
+
+
+def usable(record: Record) -> bool:
+    """Whether a front can be made of its points: not of those of a solve that failed."""
+    return bool(record["points"]) and (record["kind"] != SOLVE or Status[record["status"]].ok)
+
+
+def is_proved(record: Record) -> bool:
+    """Whether a point of it is."""
+    return any(point.get("verdict") == PROVED for point in record["points"])
+
+
+def _record(kind: str, points: list[dict[str, Any]], **more: Any) -> Record:
+    found: Record = plain({"kind": kind, "points": points, **more})
+    return found

@@ -1,0 +1,115 @@
+"""What a problem solver found: the same type for every solver, with its trajectory and its proof."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+import pandas as pd
+
+from ocp_traj.proof.verdicts import Audit
+from ocp_traj.results.trajectory import Trajectory
+from ocp_traj.rounding import rounded_down, rounded_up
+from ocp_traj.transcription.nlp import NLPResult, Status
+from ocp_traj.transcription.transcription import Instant
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """How far from the global optimum a solution is at most.
+
+    Attributes:
+        lower: no feasible trajectory has a smaller objective.
+        upper: the solution's own, proved feasible.
+        certified: whether the gap is within the tolerance asked for.
+        boxes: bounded on the way.
+        seconds: spent.
+        argument: what was proved, and what was left out of the lower bound.
+    """
+
+    lower: float
+    upper: float
+    certified: bool
+    boxes: int
+    seconds: float
+    argument: str
+
+    @property
+    def gap(self) -> float:
+        """Upper - lower, relative to upper."""
+        return (self.upper - self.lower) / abs(self.upper) if self.upper else 0.0
+
+    def explain(self) -> str:
+        """One line."""
+        word = "certified" if self.certified else "not certified"
+        lower, upper, gap = rounded_down(self.lower, 10), rounded_up(self.upper, 10), rounded_up(self.gap, 2)
+        return (
+            f"{word}: no solution is below {lower:.10g}, this one is {upper:.10g}, a relative gap of "
+            f"{gap:.1e} ({self.argument}; {self.boxes} boxes, {self.seconds:.2f} s)"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Solution(NLPResult):
+    """What a solver found; its x are the problem's own variables.
+
+    Attributes:
+        objectives: value of each objective of the problem.
+        trajectory, audit: where a problem solver made and checked one.
+        instants: where constraint exchange ended up imposing the limits.
+        rounds: of constraint exchange.
+        alternatives: of a problem with discrete choices: the solution of each, by its name; this is the best of them.
+        optima: the distinct local optima, best first, where they were asked for.
+        instead_of: what the solver ended with, where this is an earlier point that is proved and better.
+        moved: of a population, whether it found anything better than its first generation.
+        interrupted: what Ctrl-C left undone, such as "after 3 of 40 starts"; empty where nothing was.
+        certificate: of global optimality, where one was asked for.
+        history: of a population, a row a generation.
+    """
+
+    objectives: Mapping[str, float] = field(default_factory=dict)
+    trajectory: Trajectory | None = None
+    audit: Audit | None = None
+    instants: tuple[Instant, ...] = ()
+    rounds: int = 1
+    alternatives: Mapping[str, Solution] = field(default_factory=dict)
+    optima: tuple[Optimum, ...] = ()
+    instead_of: Solution | None = None
+    moved: bool = True
+    interrupted: str = ""
+    certificate: Certificate | None = None
+    history: pd.DataFrame | None = None
+
+    @classmethod
+    def of(cls, result: NLPResult, **more: Any) -> Self:
+        """What an NLP solver ended with, as a solution with further fields."""
+        return cls(**{**vars(result), **more})
+
+    @property
+    def own(self) -> Solution:
+        """What the solver itself ended with."""
+        return self.instead_of or self
+
+    def explain(self) -> str:
+        """One line: how it ended and, where it is not proved, or infeasible, the limits at fault, worst first."""
+        if self.status is Status.UNPROVED and self.audit is not None:
+            return f"{self.name}: {self.audit.explain()} ({self.detail})"
+        return super().explain()
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """A local optimum.
+
+    Attributes:
+        solution: the best of those that ended there.
+        starts: how many ended there.
+        way: the problem's word for the way it takes (``Problem.homotopy``), or none.
+        sampled: how many distinct local optima of the first NLP, which sees the first instants only, led there.
+    """
+
+    solution: Solution
+    starts: int
+    way: str = ""
+    sampled: int = 0

@@ -1,0 +1,211 @@
+"""A trajectory: a motion with the problem, case and variables it came from: dilates, saves, loads."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
+from math import comb
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+
+from ocp_traj.curves.bernstein import PiecewiseBezier
+from ocp_traj.curves.motion import Motion
+from ocp_traj.errors import FileFormatError, InputError, cut, quoted
+from ocp_traj.files import read_json, write_text
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.registry import load
+from ocp_traj.proof.audit import audit_all
+from ocp_traj.proof.verdicts import Audit
+from ocp_traj.results.provenance import audit_motions, bound_rows
+from ocp_traj.transcription.symbolic import motion_of
+
+Array = NDArray[np.float64]
+
+FORMAT = "ocp-traj/trajectory/1"
+SAMPLES_FORMAT = "ocp-traj/samples/1"
+SPLINE_FORMAT = "ocp-traj/spline/1"
+HIGHEST_DEGREE = 60  # of a file's segments: our choice; of higher ones rounding leaves nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory(Motion):
+    """A motion with the problem, case and variables it came from.
+
+    Attributes:
+        problem: id of the problem it solves, empty for one from elsewhere.
+        case: the problem's case fields that differ from its defaults.
+        variables: decision variables by block.
+        origin: the problem itself, where it is at hand; a file has its id and case only.
+    """
+
+    problem: str = ""
+    case: Mapping[str, Any] = field(default_factory=dict)
+    variables: Mapping[str, Array] = field(default_factory=dict)
+    origin: Problem | None = field(default=None, repr=False)
+
+    def dilate(self, factor: float) -> Trajectory:
+        """The same path ``factor`` times slower; it forgets the variables, which no longer describe it."""
+        if not (np.isfinite(factor) and factor > 0.0):
+            raise InputError(f"a trajectory is dilated by a positive number; got {factor}")
+        return replace(self, curve=self.curve.dilate(factor), variables={})
+
+    def audit(self, **options: Any) -> Audit:
+        """Checks every limit of its problem at every instant; see ``ocp_traj.results.provenance.audit_motions``."""
+        if self.origin is None and not self.problem:
+            raise InputError(
+                "this trajectory names no problem; give its limits: ocp_traj.audit(trajectory, requirements)"
+            )
+        problem = load(self.problem, **self.case) if self.origin is None else self.origin
+        return audit_motions(problem, [self], [self.variables], **options)[0]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain JSON values."""
+        return {
+            "format": FORMAT,
+            "problem": self.problem,
+            "case": dict(self.case),
+            "variables": {name: np.asarray(block).tolist() for name, block in self.variables.items()},
+            "parameters": {name: float(value) for name, value in self.parameters.items()},
+            "joints": list(self.joints),
+            "durations": self.curve.durations.tolist(),
+            "control_points": [points.tolist() for points in self.curve.control_points],
+        }
+
+    def save(self, path: str | Path) -> Path:
+        """Writes the trajectory as JSON, whole or not at all."""
+        return write_text(path, json.dumps(self.to_dict(), indent=1) + "\n")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Trajectory:
+        """Reads a trajectory of this package, or one from elsewhere: samples or spline coefficients (see docs)."""
+        return cls.from_dict(read_json(path, "trajectory"), str(path))
+
+    @classmethod
+    def from_dict(cls, data: Any, source: str = "trajectory") -> Trajectory:
+        """From plain JSON values, in one of three formats.
+
+        ``ocp-traj/trajectory/1``: ``joints``, ``durations [s] (K,)``, ``control_points`` per segment ``(n + 1, dof)``.
+        ``ocp-traj/samples/1``: ``joints``, ``times [s] (N,)`` increasing, ``positions (N, dof)``: a C2 cubic spline is
+        put through the points, at rest at both ends if ``"rest": true``, else not-a-knot; the audit is of that spline.
+        ``ocp-traj/spline/1``: ``joints``, ``knots [s] (K + 1,)``, ``coefficients`` per segment ``(n + 1, dof)``,
+        of ascending powers of the time since the segment's start.
+        """
+        kind = data.get("format") if isinstance(data, dict) else None
+        readers = {FORMAT: _read_control_points, SAMPLES_FORMAT: _read_samples, SPLINE_FORMAT: _read_spline}
+        if not isinstance(kind, str) or kind not in readers:
+            raise FileFormatError(
+                f"{source} is not a trajectory: its format is {quoted(kind)}; allowed {', '.join(readers)}"
+            )
+        try:
+            curve = readers[kind](data)
+            return cls(
+                curve,
+                _names(data["joints"]),
+                {k: float(_finite(v, f"the parameter {cut(k)}", 0)) for k, v in data.get("parameters", {}).items()},
+                str(data.get("problem", "")),
+                dict(data.get("case", {})),
+                {k: np.atleast_1d(np.asarray(v, dtype=float)) for k, v in data.get("variables", {}).items()},
+            )
+        except KeyError as error:
+            raise FileFormatError(f"{source}: the field {error} of format {kind} is missing") from error
+        except (TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
+            raise FileFormatError(f"{source} is not a sound {kind} file: {cut(str(error), 200)}") from error
+
+
+def trajectory_of(problem: Problem, x: ArrayLike) -> Trajectory:
+    """The trajectory that a decision vector stands for."""
+    motion = motion_of(problem, x)
+    return Trajectory(
+        motion.curve, motion.joints, motion.parameters, problem.id, case_fields(problem), problem.unpack(x), problem
+    )
+
+
+def audit_points(problem: Problem, xs: Sequence[Array], **options: Any) -> list[tuple[Trajectory, Audit]]:
+    """The trajectories that decision vectors stand for, each with its audit, the bounds on its variables among it."""
+    moved = [trajectory_of(problem, x) for x in xs]
+    audits = audit_all(moved, problem.requirements, **options)
+    return [
+        (motion, replace(found, rows=(*found.rows, *bound_rows(problem, np.asarray(x, dtype=float)))))
+        for x, motion, found in zip(xs, moved, audits, strict=True)
+    ]
+
+
+def case_fields(problem: Problem) -> dict[str, Any]:
+    """The case's fields that differ from their defaults, as plain values: enough to build the problem again.
+
+    A case that is no dataclass, or none at all, has no fields.
+    """
+    if not is_dataclass(problem.case):
+        return {}
+    given = {f.name: (_plain(getattr(problem.case, f.name)), _plain(_default(f))) for f in fields(problem.case)}
+    return {name: value for name, (value, default) in given.items() if value != default}
+
+
+def _default(field: Field[Any]) -> Any:
+    """A field's default; of one that has to be given, what equals nothing."""
+    return field.default_factory() if field.default_factory is not MISSING else field.default
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return [_plain(item) for item in value] if isinstance(value, tuple | list) else value
+
+
+def _names(joints: Any) -> tuple[str, ...]:
+    if not isinstance(joints, list | tuple) or len({str(name) for name in joints}) < len(joints):
+        raise ValueError(f"joints are {quoted(joints)}; give a list of different names")
+    return tuple(str(name) for name in joints)
+
+
+def _finite(values: Any, what: str, rank: int) -> Array:
+    numbers = np.asarray(values, dtype=float)
+    if numbers.ndim != rank:  # one of another shape would be broadcast into a curve nobody meant
+        raise ValueError(f"{what} must be nested {rank} deep, not {numbers.ndim}")
+    if not np.isfinite(numbers).all():
+        raise ValueError(f"{what} must be finite numbers")
+    return numbers
+
+
+def _read_control_points(data: dict[str, Any]) -> PiecewiseBezier:
+    durations = _finite(data["durations"], "durations", 1)
+    segments = tuple(_finite(points, "control points", 2) for points in data["control_points"])
+    for points in segments:
+        _check_degree(len(points) - 1)
+    return PiecewiseBezier(durations, segments)
+
+
+def _check_degree(degree: int) -> None:
+    if degree > HIGHEST_DEGREE:
+        raise ValueError(f"a segment is of degree {degree}; allowed are degrees up to {HIGHEST_DEGREE}")
+
+
+def _read_samples(data: dict[str, Any]) -> PiecewiseBezier:
+    times, positions = _finite(data["times"], "times", 1), _finite(data["positions"], "positions", 2)
+    rest = data.get("rest", False)
+    if not isinstance(rest, bool):
+        raise ValueError(f"rest is {quoted(rest)}; give true or false")
+    return PiecewiseBezier.from_ppoly(CubicSpline(times, positions, bc_type="clamped" if rest else "not-a-knot"))
+
+
+def _read_spline(data: dict[str, Any]) -> PiecewiseBezier:
+    durations = np.diff(_finite(data["knots"], "knots", 1))
+    segments = []
+    for duration, powers in zip(durations, data["coefficients"], strict=True):
+        coefficients = _finite(powers, "coefficients", 2)
+        degree = len(coefficients) - 1
+        _check_degree(degree)
+        # B_i = sum_j C(i, j) / C(n, j) c_j T^j; Farin (2002), sect. 5.8.
+        scaled = coefficients * (duration ** np.arange(degree + 1))[:, None]
+        change = np.array([[_ratio(i, j, degree) for j in range(degree + 1)] for i in range(degree + 1)])
+        segments.append(change @ scaled)
+    return PiecewiseBezier(durations, tuple(segments))
+
+
+def _ratio(i: int, j: int, degree: int) -> float:
+    return comb(i, j) / comb(degree, j)

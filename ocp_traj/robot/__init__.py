@@ -1,0 +1,1 @@
+"""Robots: kinematics, dynamics in CasADi's SX, joint limits, descriptions from files."""

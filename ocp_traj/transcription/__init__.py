@@ -1,0 +1,1 @@
+"""From a problem to an NLP, and from a broken limit to the instants that hold it."""

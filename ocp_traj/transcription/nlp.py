@@ -1,0 +1,166 @@
+"""A nonlinear program, and what a solver says of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ocp_traj.errors import NoSolutionFound, ProblemDefinitionError
+from ocp_traj.formulation.rows import Conflict, Row
+from ocp_traj.transcription.local_derivatives import Derivatives
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class NLP:
+    """Minimise f(x) subject to lower_x <= x <= upper_x and lower_g <= g(x) <= upper_g.
+
+    Attributes:
+        name: for messages.
+        x, f, g: casadi MX; ``x (n,)``, ``g (m,)``, rows scaled to order one.
+        lower_x, upper_x: ``(n,)``.
+        lower_g, upper_g: ``(m,)``.
+        rows: one a row of g.
+        labels: one an entry of x.
+        units: one an entry of x.
+        complete: the problem's own variables -> the extra variables that go with them, after those.
+        expand: the functions are short: write them out (casadi's ``expand``).
+        derivatives: Jacobian and Hessian, where there are quicker ones than the solver would make.
+        options: for the solver, by IPOPT's names, in place of its usual ones.
+        memory: outlives the NLP: a solver leaves its compiled derivatives here for the next NLP of the same problem.
+    """
+
+    name: str
+    x: Any
+    f: Any
+    g: Any
+    lower_x: Array
+    upper_x: Array
+    lower_g: Array
+    upper_g: Array
+    rows: tuple[Row, ...]
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    complete: Callable[[Array], Array] = lambda x: np.zeros(0)
+    expand: bool = False
+    derivatives: Derivatives | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+    memory: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Checks shapes."""
+        n, m = self.x.numel(), self.g.numel()
+        for name, size, given in (
+            ("x", n, self.lower_x),
+            ("x", n, self.upper_x),
+            ("g", m, self.lower_g),
+            ("g", m, self.upper_g),
+        ):
+            if given.shape != (size,):
+                raise ProblemDefinitionError(
+                    f"{self.name}: a bound on {name} has shape {given.shape}, expected ({size},)"
+                )
+        if len(self.rows) != m or len(self.labels) != n or len(self.units) != n:
+            raise ProblemDefinitionError(
+                f"{self.name}: {len(self.rows)} row names for {m} rows, {len(self.labels)} labels for {n} variables"
+            )
+
+    def start(self, x: Array) -> Array:
+        """A starting point of the NLP from the problem's own variables."""
+        return np.concatenate([x, self.complete(x)])
+
+    def violation(self, x: Array, g: Array) -> float:
+        """Largest amount by which a bound is exceeded, >= 0; rows are scaled, variables in their own unit."""
+        gaps = np.concatenate([self.lower_x - x, x - self.upper_x, self.lower_g - g, g - self.upper_g])
+        return float(max(np.max(gaps, initial=0.0), 0.0)) if np.isfinite(gaps[~np.isinf(gaps)]).all() else np.inf
+
+
+class Status(Enum):
+    """How a solve ended.
+
+    ``INFEASIBLE`` is certain: no trajectory meets the limits. ``LOCALLY_INFEASIBLE`` is what a local solver can say:
+    from where it began it came to a point that breaks limits, and to nothing better nearby.
+    """
+
+    SOLVED = "solved"
+    ACCEPTABLE = "solved to the acceptable tolerance"
+    FEASIBLE = "stopped at a feasible point"
+    UNPROVED = "not proved"
+    INFEASIBLE = "infeasible"
+    LOCALLY_INFEASIBLE = "locally infeasible"
+    ITERATION_LIMIT = "iteration limit"
+    TIME_LIMIT = "time limit"
+    INTERRUPTED = "interrupted"
+    UNBOUNDED = "unbounded"
+    FAILED = "failed"
+
+    @property
+    def ok(self) -> bool:
+        """Whether the point returned is feasible and meant to be used."""
+        return self in (Status.SOLVED, Status.ACCEPTABLE, Status.FEASIBLE)
+
+
+@dataclass(frozen=True, eq=False)
+class NLPResult:
+    """What an NLP solver ended with.
+
+    Attributes:
+        name: of the problem.
+        x: variables ``(n,)``.
+        f: value of the objective.
+        status: how it ended.
+        violation: largest scaled amount by which a row or bound is exceeded, recomputed from x.
+        iterations, seconds: spent.
+        multipliers: of rows.
+        bound_multipliers: of the bounds on x ``(n,)``.
+        slacks: of rows, scaled distance to the nearer bound, < 0 where exceeded.
+        conflicts: where infeasible: the limits that cannot hold together; where locally: those that the nearest point
+            breaks, or is stopped by.
+        row_count: how many rows there were.
+        detail: the solver's own words; of a solution that is not proved, why.
+        starts: how many this is the best of; 0 where none was needed.
+    """
+
+    name: str
+    x: Array
+    f: float
+    status: Status
+    violation: float
+    iterations: int
+    seconds: float
+    multipliers: Mapping[Row, float] = field(default_factory=dict)
+    bound_multipliers: Array | None = None
+    slacks: Mapping[Row, float] = field(default_factory=dict)
+    conflicts: tuple[Conflict, ...] = ()
+    row_count: int = 0
+    detail: str = ""
+    starts: int = 1
+
+    @property
+    def ok(self) -> bool:
+        """Whether the point is feasible and meant to be used."""
+        return self.status.ok
+
+    def require(self) -> Self:
+        """Returns itself, or raises ``NoSolutionFound`` saying why there is no usable point."""
+        if self.ok:
+            return self
+        raise NoSolutionFound(self.explain())
+
+    def explain(self) -> str:
+        """One line: how it ended and, where infeasible, the limits in conflict, worst first."""
+        worst = "; ".join(str(conflict) for conflict in self.conflicts[:6])
+        if self.status is Status.INFEASIBLE and worst:
+            return f"{self.name}: no trajectory meets these limits together: {worst}"
+        if self.status is Status.LOCALLY_INFEASIBLE:
+            tried = "the one start found no" if self.starts == 1 else f"none of {self.starts} starts found a"
+            missed = worst or f"its limits by {self.violation:.3g} of their scale"
+            return f"{self.name}: {tried} trajectory; the nearest misses {missed}"
+        effort = f"after {self.iterations} iterations, violation {self.violation:.3g}"
+        return f"{self.name}: {self.status.value} {effort} ({self.detail})"
