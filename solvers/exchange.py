@@ -12,7 +12,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-import casadi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,10 +27,10 @@ from ocp_traj.results.solution import Solution
 from ocp_traj.results.time_scaling import largest_excess, slow_down
 from ocp_traj.results.trajectory import audit_points, trajectory_of
 from ocp_traj.solvers.ipopt import Ipopt
+from ocp_traj.transcription.instants import Instant, along, few_instants, frozen, where
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
-from ocp_traj.transcription.peaks import along, frozen, where
 from ocp_traj.transcription.symbolic import evaluate_objectives, variations
-from ocp_traj.transcription.transcription import BACK_OFF, Instant, few_instants, transcribe
+from ocp_traj.transcription.transcription import BACK_OFF, row_of, transcribe
 from ocp_traj.transcription.turning_points import turned
 from ocp_traj.transcription.worst_instants import worst_instants
 
@@ -164,7 +163,7 @@ class Exchange:
             before, excess = excess, largest_excess(problem, solution.audit)
             if before / STALLED < excess < NEGLIGIBLE:
                 back_off += 2.0 * excess  # flat peaks wander for ever: stay clear of the limit by what they wander
-            peaks = worst_instants(problem, x, solution.trajectory, solution.audit, self.back_off)
+            peaks, _ = worst_instants(problem, x, self.back_off)
             instants = updated or instants
             if number == 1 and self.first is None and problem.instants is None:
                 instants = _near(instants, problem, solution)
@@ -206,13 +205,13 @@ def _mended(
     nlp = transcribe(problem, scalarisation, [i for i in solution.instants if i.limit not in known])
     point = nlp.start(mended)
     point[problem.size : problem.size + nlp.labels.count("gamma")] = extra[: nlp.labels.count("gamma")]
-    f, g = (np.array(v).ravel() for v in casadi.Function("value", [nlp.x], [nlp.f, nlp.g])(point))
+    f, g = nlp.program.values(point)
     violation = nlp.violation(point, g)
     if not found.proved or not violation <= feasibility:
         return solution
     slowed = replace(
         solution,
-        f=float(f[0]),
+        f=f,
         status=Status.FEASIBLE,
         violation=violation,
         multipliers={},
@@ -266,7 +265,7 @@ def _near(instants: list[Instant], problem: Problem, solution: Solution) -> list
             continue
         limit = _limit(problem, instant)
         rows = range(len(limit.labels)) if instant.rows is None else instant.rows
-        near = tuple(i for i in rows if solution.slacks[_row(limit, instant, i)] < KEEP)
+        near = tuple(i for i in rows if solution.slacks[row_of(limit, instant, i)] < KEEP)
         if near:
             kept.append(replace(instant, rows=near))
     return kept
@@ -290,7 +289,7 @@ def _merge(
             ) and old.anchor is not None
             if same and abs(where(old, x) - peak.u) < NEAR and abs(along(old, x) - peak.sweep) < NEAR:
                 limit, row = _limit(problem, peak), (peak.rows or (0,))[0]
-                renamed[_row(limit, peak, row)] = _row(limit, old, row)
+                renamed[row_of(limit, peak, row)] = row_of(limit, old, row)
                 merged[i] = peak
                 if keep:
                     merged.append(replace(old, slope=None, anchor=None))
@@ -302,8 +301,3 @@ def _merge(
 
 def _limit(problem: Problem, instant: Instant) -> PathConstraint:
     return next(c for c in problem.requirements.path_constraints if c.id == instant.limit)
-
-
-def _row(limit: PathConstraint, instant: Instant, i: int) -> Row:
-    scale = float(limit.scale[i])
-    return Row(limit.id, limit.labels[i], instant.segment, instant.u, limit.units[i], scale, sweep=instant.sweep)

@@ -7,7 +7,7 @@ Waechter and Biegler (2006), Mathematical Programming 106(1). Of the linear solv
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -20,6 +20,7 @@ from ocp_traj.errors import InputError
 from ocp_traj.formulation.rows import Conflict, Row
 from ocp_traj.stopping import current, stopping
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
+from ocp_traj.transcription.program import ElasticProgram, Program
 
 Array = NDArray[np.float64]
 
@@ -74,6 +75,83 @@ class _AfterIteration(casadi.Callback):
 
 
 _AFTER_ITERATION = _AfterIteration()  # CasADi does not keep it alive
+
+
+class _Evaluation(casadi.Callback):
+    """A function of an NLP's numbers as CasADi's ``nlpsol`` takes it.
+
+    Args:
+        name: of the function, as CasADi knows it.
+        inputs, outputs: (name, sparsity) each.
+        evaluate: arrays -> one array an output.
+    """
+
+    def __init__(
+        self, name: str, inputs: Sequence[tuple[str, Any]], outputs: Sequence[tuple[str, Any]],
+        evaluate: Callable[..., Sequence[Any]],
+    ) -> None:  # fmt: skip
+        casadi.Callback.__init__(self)
+        self._inputs, self._outputs, self._evaluate = inputs, outputs, evaluate
+        self.failure: BaseException | None = None
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return len(self._inputs)
+
+    def get_n_out(self) -> int:
+        return len(self._outputs)
+
+    def get_name_in(self, i: int) -> str:
+        return self._inputs[i][0]
+
+    def get_name_out(self, i: int) -> str:
+        return self._outputs[i][0]
+
+    def get_sparsity_in(self, i: int) -> Any:
+        return self._inputs[i][1]
+
+    def get_sparsity_out(self, i: int) -> Any:
+        return self._outputs[i][1]
+
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, given: Sequence[Any], wanted: Sequence[Any]) -> int:
+        """Evaluates on CasADi's own memory; a step that leads to no number is IPOPT's to shorten."""
+        try:
+            arguments = [np.frombuffer(a) if a is not None and len(a) else np.zeros(0) for a in given]
+            with np.errstate(all="ignore"):
+                found = self._evaluate(*arguments)
+            for memory, values in zip(wanted, found, strict=True):
+                if memory is not None and len(memory):
+                    np.frombuffer(memory)[:] = values
+        except Exception as failure:  # CasADi would take it for a point without values
+            self.failure = failure
+            return 1
+        return 0
+
+
+def _evaluations(program: Program) -> tuple[_Evaluation, ...]:
+    """F and g, grad f, dg/dx and the Hessian of the Lagrangian, as ``nlpsol`` asks for them."""
+    dense = casadi.Sparsity.dense
+    n, m = program.size, program.rows
+    x = [("x", dense(n, 1)), ("p", dense(0, 1))]
+    multipliers = [("lam_f", dense(1, 1)), ("lam_g", dense(m, 1))]
+    f, g = ("f", dense(1, 1)), ("g", dense(m, 1))
+    return (
+        _Evaluation("nlp", x, [f, g], lambda x, p: program.values(x)),
+        _Evaluation(
+            "nlp_grad_f", x, [f, ("grad_f_x", dense(n, 1))], lambda x, p: (program.values(x)[0], program.gradient(x))
+        ),
+        _Evaluation(
+            "nlp_jac_g", x, [g, ("jac_g_x", program.jacobian_sparsity)],
+            lambda x, p: (program.values(x)[1], program.jacobian(x)),
+        ),
+        _Evaluation(
+            "nlp_hess_l", [*x, *multipliers], [("triu_hess_gamma_x_x", program.hessian_sparsity)],
+            lambda x, p, factor, weights: (program.hessian(x, float(factor[0]), weights),),
+        ),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -158,24 +236,24 @@ class Ipopt:
             "print_time": False,
             "error_on_fail": False,
             "show_eval_warnings": False,  # of steps that lead to no number: IPOPT takes shorter ones
-            "expand": nlp.expand,
             "iteration_callback": _AFTER_ITERATION,
             "ipopt": self._settings(bool(multipliers), nlp.options),
         }
-        if nlp.derivatives is not None:
-            options |= {"hess_lag": nlp.derivatives.hessian, "jac_g": nlp.derivatives.jacobian}
-        program: Any = {"x": nlp.x, "f": nlp.f, "g": nlp.g}
-        # CasADi forgets the derivatives of a function with the last solver that uses them, and making them anew is most
-        # of the work of a small NLP: the solver stays alive until the next one has been built.
-        known, settings, solver = nlp.memory.get("solver", (None, None, None))
-        if known is not nlp or settings != options:
-            solver = casadi.nlpsol("solver", "ipopt", program, options)
-            nlp.memory["solver"] = nlp, options, solver
+        known, solver, evaluations = nlp.memory.get("solver", (None, None, ()))
+        if known != options:
+            evaluations = _evaluations(nlp.program)
+            values, gradient, jacobian, hessian = evaluations
+            derivatives = {"grad_f": gradient, "jac_g": jacobian, "hess_lag": hessian, "no_nlp_grad": True}
+            solver = casadi.nlpsol("solver", "ipopt", values, options | derivatives)
+            nlp.memory["solver"] = options, solver, evaluations
         bounds = {"lbx": nlp.lower_x, "ubx": nlp.upper_x, "lbg": nlp.lower_g, "ubg": nlp.upper_g}
         with stopping() as stop:
             stop.check()
             result = solver(x0=x0, **bounds, **multipliers)
             stats = solver.stats()
+            for evaluation in evaluations:
+                if evaluation.failure is not None:
+                    raise evaluation.failure
             if not _STATUS.get(stats["return_status"], Status.FAILED).ok:
                 stop.check()  # what ended well is kept, even if time is over
         x, g, lam_g, lam_x = (np.array(result[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
@@ -205,13 +283,10 @@ class Ipopt:
 
         A limit with an excess is not met at the point it comes to; one without, but with a multiplier, is in its way.
         """
-        n, m = nlp.x.numel(), nlp.g.numel()
-        over, under = casadi.MX.sym("over", m), casadi.MX.sym("under", m)
+        n, m = nlp.program.size, nlp.program.rows
         elastic = NLP(
             name=f"{nlp.name} (elastic)",
-            x=casadi.vertcat(nlp.x, over, under),
-            f=casadi.sum1(over) + casadi.sum1(under),
-            g=nlp.g - over + under,
+            program=ElasticProgram(nlp.program),
             lower_x=np.concatenate([nlp.lower_x, np.zeros(2 * m)]),
             upper_x=np.concatenate([nlp.upper_x, np.full(2 * m, np.inf)]),
             lower_g=nlp.lower_g,
@@ -220,7 +295,7 @@ class Ipopt:
             labels=(*nlp.labels, *("over" for _ in range(m)), *("under" for _ in range(m))),
             units=(*nlp.units, *("-" for _ in range(2 * m))),
         )
-        values = np.array(casadi.Function("g", [nlp.x], [nlp.g])(x0)).ravel()
+        _, values = nlp.program.values(x0)
         excess = [np.maximum(values - nlp.upper_g, 0.0), np.maximum(nlp.lower_g - values, 0.0)]
         start = np.concatenate([x0, *[np.where(np.isfinite(e), e, 1.0) + 1e-3 for e in excess]])
         solver = Ipopt(1e-8, self.max_iter, self.max_seconds, self.linear_solver)
@@ -228,7 +303,7 @@ class Ipopt:
         if not solution.ok:
             return ()  # without its least-violating point nothing is known of who stands in whose way
         high, low = solution.x[n : n + m], solution.x[n + m :]
-        values = np.array(casadi.Function("g", [nlp.x], [nlp.g])(solution.x[:n])).ravel()
+        _, values = nlp.program.values(solution.x[:n])
         found: dict[tuple[str, str], Conflict] = {}
         for i, row in enumerate(nlp.rows):
             exceeded, multiplier = max(high[i], low[i]), solution.multipliers[row]

@@ -11,8 +11,8 @@ import pandas as pd
 from ocp_traj.proof.verdicts import Audit
 from ocp_traj.results.trajectory import Trajectory
 from ocp_traj.rounding import rounded_down, rounded_up
+from ocp_traj.transcription.instants import Instant
 from ocp_traj.transcription.nlp import NLPResult, Status
-from ocp_traj.transcription.transcription import Instant
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ocp_traj.errors import NoSolutionFound, ProblemDefinitionError
 from ocp_traj.formulation.rows import Conflict, Row
-from ocp_traj.transcription.local_derivatives import Derivatives
+from ocp_traj.transcription.program import Program, SymbolicProgram
 
 Array = NDArray[np.float64]
 
@@ -23,23 +23,19 @@ class NLP:
 
     Attributes:
         name: for messages.
-        x, f, g: casadi MX; ``x (n,)``, ``g (m,)``, rows scaled to order one.
+        program: f and g ``(m,)`` with their derivatives at numbers ``x (n,)``, rows scaled to order one.
         lower_x, upper_x: ``(n,)``.
         lower_g, upper_g: ``(m,)``.
         rows: one a row of g.
         labels: one an entry of x.
         units: one an entry of x.
         complete: the problem's own variables -> the extra variables that go with them, after those.
-        expand: the functions are short: write them out (casadi's ``expand``).
-        derivatives: Jacobian and Hessian, where there are quicker ones than the solver would make.
+        memory: a solver keeps here what it has built for this NLP.
         options: for the solver, by IPOPT's names, in place of its usual ones.
-        memory: outlives the NLP: a solver leaves its compiled derivatives here for the next NLP of the same problem.
     """
 
     name: str
-    x: Any
-    f: Any
-    g: Any
+    program: Program
     lower_x: Array
     upper_x: Array
     lower_g: Array
@@ -48,14 +44,12 @@ class NLP:
     labels: tuple[str, ...]
     units: tuple[str, ...]
     complete: Callable[[Array], Array] = lambda x: np.zeros(0)
-    expand: bool = False
-    derivatives: Derivatives | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
-    memory: dict[str, Any] = field(default_factory=dict)
+    memory: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Checks shapes."""
-        n, m = self.x.numel(), self.g.numel()
+        n, m = self.program.size, self.program.rows
         for name, size, given in (
             ("x", n, self.lower_x),
             ("x", n, self.upper_x),
@@ -70,6 +64,26 @@ class NLP:
             raise ProblemDefinitionError(
                 f"{self.name}: {len(self.rows)} row names for {m} rows, {len(self.labels)} labels for {n} variables"
             )
+
+    @classmethod
+    def symbolic(cls, name: str, x: Any, f: Any, g: Any, **rest: Any) -> Self:
+        """An NLP of CasADi MX expressions ``x (n,)``, f, ``g (m,)``; ``rest`` are further fields."""
+        return cls(name, SymbolicProgram(x, f, g), **rest)
+
+    @property
+    def x(self) -> Any:
+        """Variables ``(n,)``, casadi MX."""
+        return self.program.symbols[0]
+
+    @property
+    def f(self) -> Any:
+        """The objective, casadi MX of ``x``."""
+        return self.program.symbols[1]
+
+    @property
+    def g(self) -> Any:
+        """The rows ``(m,)``, casadi MX of ``x``."""
+        return self.program.symbols[2]
 
     def start(self, x: Array) -> Array:
         """A starting point of the NLP from the problem's own variables."""

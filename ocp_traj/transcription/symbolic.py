@@ -19,57 +19,28 @@ from ocp_traj.curves.motion import Motion
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS, derivative_order, state_function
-from ocp_traj.transcription.local_derivatives import Lifted
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class SymbolicCurve:
-    """A problem's curve at an MX vector x, called once and shared by everything built on it.
-
-    With ``lifted`` it is symbols for that curve, and functions called on it are symbols for their values.
-    """
+    """A problem's curve at an MX vector x, called once and shared by everything built on it."""
 
     problem: Problem
     x: Any
     durations: Any
     parameters: Any
     points: tuple[Any, ...]
-    lifted: Lifted | None = None
 
     @classmethod
-    def at(cls, problem: Problem, x: Any, lifted: Lifted | None = None) -> SymbolicCurve:
+    def at(cls, problem: Problem, x: Any) -> SymbolicCurve:
         """The curve's durations, parameters and control points as expressions of x ``(n,)``."""
-        durations, parameters, *points = curve_function(problem)(x) if lifted is None else lifted.symbols[:-1]
-        return cls(problem, x, durations, parameters, tuple(points), lifted)
-
-    def call(self, key: str, function: Any, segments: Sequence[int], u: Any, *rest: Any) -> Any:
-        """A function (states, ..) at instants ``(rows, N)``.
-
-        Args:
-            key: names the function, once and for all.
-            function: casadi SX Function (stacked derivatives ``(5 dof,)``, rest) -> ``(rows,)``.
-            segments: of each instant ``(N,)``.
-            u: local times, MX or DM ``(N,)``.
-            rest: further arguments, a column an instant.
-        """
-        if self.lifted is None:
-            return function.map(len(segments))(states_at(self, segments, u), *rest)
-        timed = self.problem.cached(("timed", key), lambda: _in_local_time(function, self.problem.requirements.dof))
-        durations = casadi.horzcat(*(self.durations[k] for k in segments))
-        return self.lifted(key, timed, states_at(self, segments, u, local=True), durations, *rest)
+        durations, parameters, *points = curve_function(problem)(x)
+        return cls(problem, x, durations, parameters, tuple(points))
 
 
-def _in_local_time(function: Any, dof: int) -> Any:
-    """Casadi SX Function (stacked derivatives in u, T, rest) -> function (stacked derivatives in time, rest)."""
-    states, duration = casadi.SX.sym("z", len(ORDERS) * dof), casadi.SX.sym("T")
-    rest = [casadi.SX.sym("r", function.size1_in(i)) for i in range(1, function.n_in())]
-    timed = [part / duration**order for order, part in enumerate(casadi.vertsplit(states, dof))]
-    return casadi.Function("timed", [states, duration, *rest], [function(casadi.vertcat(*timed), *rest)])
-
-
-def states_at(curve: SymbolicCurve, segments: Sequence[int], u: Any, local: bool = False) -> Any:
+def states_at(curve: SymbolicCurve, segments: Sequence[int], u: Any) -> Any:
     """States of the curve at instants, as MX expressions.
 
     The curve's control points are one function of x and the states another of the control points, each compiled once
@@ -79,7 +50,6 @@ def states_at(curve: SymbolicCurve, segments: Sequence[int], u: Any, local: bool
         curve: whose states.
         segments: of each instant ``(N,)``.
         u: local times, MX or DM ``(N,)``.
-        local: whether to differentiate in local time, not in time.
 
     Returns:
         stacked derivatives ``(5 dof, N)``.
@@ -90,9 +60,7 @@ def states_at(curve: SymbolicCurve, segments: Sequence[int], u: Any, local: bool
     for degree in sorted({points[k].shape[0] - 1 for k in segments}):
         members = [i for i, k in enumerate(segments) if points[k].shape[0] - 1 == degree]
         flat = casadi.horzcat(*(casadi.vec(points[segments[i]]) for i in members))
-        times = casadi.MX.ones(1, len(members))
-        if not local:
-            times = casadi.horzcat(*(curve.durations[segments[i]] for i in members))
+        times = casadi.horzcat(*(curve.durations[segments[i]] for i in members))
         instants = casadi.horzcat(*(u[i] for i in members))
         columns.append(_segment_states(curve.problem, degree).map(len(members))(flat, times, instants))
         order += members
@@ -130,16 +98,6 @@ def motion_of(problem: Problem, x: ArrayLike) -> Motion:
     durations, parameters, *points = (np.array(value) for value in curve_function(problem)(np.asarray(x, dtype=float)))
     named = dict(zip(problem.requirements.parameters, parameters.ravel().tolist(), strict=True))
     return Motion(PiecewiseBezier(durations.ravel(), tuple(points)), problem.requirements.joints, named)
-
-
-def shape_function(problem: Problem) -> Any:
-    """Casadi SX Function x -> what ``curve_function`` gives, and x: all that arguments at instants are linear in."""
-
-    def build() -> Any:
-        x = casadi.SX.sym("x", problem.size)
-        return casadi.Function("shape", [x], [*curve_function(problem).call([x]), x])
-
-    return problem.cached("shape", build)
 
 
 def degrees(problem: Problem) -> tuple[int, ...]:
@@ -218,11 +176,8 @@ def objective_values(
         else:
             nodes, weights = quadrature(problem, objective)
             u = casadi.DM([u for _, u in nodes])
-            shares = curve.call(
-                f"share of {name}",
-                _share_function(problem, objective),
-                [k for k, _ in nodes],
-                u,
+            shares = _share_function(problem, objective).map(len(nodes))(
+                states_at(curve, [k for k, _ in nodes], u),
                 casadi.MX(u.T),
                 casadi.repmat(curve.parameters, 1, len(nodes)),
                 casadi.mtimes(casadi.DM(weights), curve.durations).T,

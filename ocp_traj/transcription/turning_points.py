@@ -19,9 +19,9 @@ from ocp_traj.curves.motion import Motion
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
-from ocp_traj.transcription.peaks import follow, where
+from ocp_traj.transcription.instants import Instant, step_nodes, where
 from ocp_traj.transcription.symbolic import row_variations, variation_matrix, variations
-from ocp_traj.transcription.transcription import Instant, step_nodes
+from ocp_traj.transcription.worst_instants import follow
 
 Array = NDArray[np.float64]
 
@@ -66,5 +66,5 @@ def _turning_points(problem: Problem, objective: Objective, row: int, x: Array, 
         values = points @ weights
         times = turning_times(values[:, None])[:, 0]
         members += [Instant(objective.id, k, float(u), (row,)) for u in np.unique(times) if 0.0 < u < 1.0]
-    found = follow(problem, problem.variation(objective), members, x)
+    found = follow(problem, objective.id, members, x)
     return [replace(i, slope=None) if i.slope is not None and np.abs(i.slope * x).max() > FAST else i for i in found]

@@ -1,105 +1,242 @@
-"""Where a trajectory breaks its limits: the instants that constraint exchange adds, each on a peak."""
+"""Where a curve breaks its limits: the instants that constraint exchange adds, each on a peak and moving with it.
+
+At a peak g_u = 0 and, of a swept limit, g_s = 0, so that g_(us)x dx + H d(u, s) = 0 with H the Hessian over (u, s) says
+how it moves with the variables; at an end of [0, 1] towards which the limit rises a coordinate stays.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.curves.motion import Motion
 from ocp_traj.formulation.problem import Problem
-from ocp_traj.formulation.requirements import PathConstraint
-from ocp_traj.proof.values import limit_on
-from ocp_traj.proof.verdicts import Audit
-from ocp_traj.transcription.peaks import moving, peak_function
-from ocp_traj.transcription.swept_peaks import sharpened_sweep, swept_peaks
-from ocp_traj.transcription.transcription import BACK_OFF, Instant
+from ocp_traj.formulation.requirements import SWEEP, PathConstraint
+from ocp_traj.transcription.instant_values import InstantValues, InstantValuesAt, Peak
+from ocp_traj.transcription.instants import Instant
+from ocp_traj.transcription.kernel import limit_kernel
+from ocp_traj.transcription.shape import ShapeAt, shape_of
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 SCAN = 48  # samples a segment when looking for peaks: our choice, far denser than the degrees in use have peaks
 FINE = 33  # samples about a sample that stands out, from one neighbour to the other: our choice
+NEWTON, NEWTON_SWEPT = 4, 8  # steps: our choice
+RACING = 1e3  # segments a peak moves when x doubles: it is so flat that an instant that stays holds it as well
+FLAT = 1e-9  # of a curvature in local time: a peak no more curved than this stays where it is
 
 
-def worst_instants(
-    problem: Problem, x: Array, candidate: Motion, checked: Audit, back_off: float = BACK_OFF
-) -> list[Instant]:
-    """The peaks at which a trajectory of x ``(n,)`` breaks its limits, each as an instant that moves with x."""
-    failing = {row.limit for row in checked.failures}
+def worst_instants(problem: Problem, x: Array, back_off: float) -> tuple[list[Instant], float]:
+    """The peaks of all path limits of x ``(n,)`` above their bounds less ``back_off``, in their scale.
+
+    Returns:
+        the peaks, as instants that move with the variables where the problem has instants move; and by how much the
+        worst is above its bound, in its scale; 0 where none is.
+    """
+    shape = shape_of(problem).at(x)
     found: list[Instant] = []
+    worst = 0.0
     for limit in problem.requirements.path_constraints:
-        if limit.id in failing:
-            found += _sharpened(problem, limit, _peaks(problem, limit, candidate, back_off), x, back_off)
-    return found
+        peaks = _Peaks(problem, limit, shape, back_off)
+        members, excess = peaks.sharpened()
+        found += members
+        worst = max(worst, excess - back_off)
+    return found, worst
 
 
-def _scaled_bounds(limit: PathConstraint, back_off: float) -> tuple[Array, Array]:
-    return limit.lower / limit.scale + back_off, limit.upper / limit.scale - back_off
+def follow(problem: Problem, name: str, members: Sequence[Instant], x: Array) -> list[Instant]:
+    """Instants of a limit or total variation, one row each, on stationary points, made to move where that is sensible."""
+    if not members:
+        return []
+    shape = shape_of(problem)
+    values = InstantValues.of(problem, name, [replace(m, slope=None, anchor=None) for m in members])
+    at = values.at(shape.at(x))
+    rows = np.array([(m.rows or (0,))[0] for m in members])
+    found = at.peak(_one_row(rows, values.kernel.rows))
+    free = np.array([[0.0 < m.u < 1.0, False] for m in members])
+    return _moving(list(members), found, free, values, x)
 
 
-def _peaks(problem: Problem, limit: PathConstraint, candidate: Motion, back_off: float) -> list[Instant]:
-    """Local maxima of the violation of one limit, from a scan: above zero, or close enough to hide one that is."""
-    low, high = _scaled_bounds(limit, back_off)
-    u = np.linspace(0.0, 1.0, SCAN)
-    members: list[Instant] = []
-    for k in filter(limit.holds_on, range(candidate.curve.segments)):
+class _Peaks:
+    """The peaks of one limit."""
+
+    def __init__(self, problem: Problem, limit: PathConstraint, shape: ShapeAt, back_off: float) -> None:
+        self.problem, self.limit, self.shape = problem, limit, shape
+        self.low, self.high = limit.lower / limit.scale + back_off, limit.upper / limit.scale - back_off
+        self.segments = np.array(list(filter(limit.holds_on, range(len(shape.durations)))), dtype=np.intp)
+
+    def sharpened(self) -> tuple[list[Instant], float]:
+        """Local maxima of the excess where it is above zero, by Newton's method from a scan; and the largest excess."""
+        segments, rows, u, sweep = self._scanned()
+        if not len(rows):
+            return [], 0.0
+        values = self._values(segments, u, sweep)
+        width = np.array([1.0 / (SCAN - 1), SWEEP[1]]) if self.limit.sweep else np.array([2.0 / (SCAN - 1) / (FINE - 1)] * 2)
+        weights = _one_row(rows, values.kernel.rows) / self.limit.scale
+        first = np.stack([u, np.zeros_like(u) if sweep is None else sweep], axis=1)
+        places = first.copy()
+        begun, at = self._excess(values, places, rows)
+        side = np.where(begun[1], 1.0, -1.0)
+        lowest, highest = np.maximum(first - width, 0.0), np.minimum(first + width, 1.0)
+        for _ in range(NEWTON_SWEPT if self.limit.sweep else NEWTON):
+            found = at.peak(weights)
+            free = self._free(places, found, side)
+            places = np.clip(places + _newton_step(found, free), lowest, highest)
+            at = self._at(values, places)
+        excess, _ = self._excess(values, places, rows)
+        found = at.peak(weights)
+        free = self._free(places, found, side)
+        # Newton's method may lead downhill: there the peak is a corner at the end of a segment, and stays.
+        astray = excess[0] < begun[0]
+        kept_places = np.where(astray[:, None], first, places).tolist()
+        members = [
+            Instant(self.limit.id, int(k), u, (int(i),), sweep=s if self.limit.sweep else 0.0)
+            for k, i, (u, s) in zip(segments, rows, kept_places, strict=True)
+        ]
+        free &= ~astray[:, None] & self.problem.instants_move
+        largest = np.maximum(excess[0], begun[0])
+        kept = np.nonzero(largest > 0.0)[0]
+        if not len(kept):
+            return [], 0.0
+        moved = _moving(members, found, free, values, self.shape.x)
+        return [moved[i] for i in kept.tolist()], float(largest.max())
+
+    def _values(self, segments: Index, u: Array, sweep: Array | None) -> InstantValues:
+        limit = self.limit
+        return InstantValues(
+            self.shape.shape, limit_kernel(self.problem, limit.id), segments, u, sweep,
+            constants=None if limit.constants is None else limit.constants[segments],
+        )  # fmt: skip
+
+    def _at(self, values: InstantValues, places: Array) -> InstantValuesAt:
+        return InstantValuesAt(values, self.shape, places[:, 0], places[:, 1] if self.limit.sweep else None)
+
+    def _excess(
+        self, values: InstantValues, places: Array, rows: Index
+    ) -> tuple[tuple[Array, NDArray[np.bool_]], InstantValuesAt]:
+        """Scaled excess of one row an instant ``(N,)``, and whether that is over the upper bound."""
+        at = self._at(values, places)
+        own = at.values[np.arange(len(rows)), rows] / self.limit.scale[rows]
+        over, under = own - self.high[rows], self.low[rows] - own
+        return (np.maximum(over, under), over >= under), at
+
+    def _scanned(self) -> tuple[Index, Index, Array, Array | None]:
+        """Segments, rows, local times and sweeps near which the excess has a peak above zero, or may have one."""
+        limit, key = self.limit, ("scan", self.limit.id)
+        u = np.linspace(0.0, 1.0, SCAN)
+        sweeps = len(SWEEP) if limit.sweep else 1
+        segments = np.repeat(self.segments, SCAN * sweeps)
+        each = np.tile(np.repeat(u, sweeps), len(self.segments))
+        across = np.tile(SWEEP, SCAN * len(self.segments)) if limit.sweep else None
+        grid: InstantValues = self.problem.cached(key, lambda: self._values(segments, each, across))
+        values = grid.at(self.shape).values / limit.scale
+        table = np.moveaxis(values.reshape(len(self.segments), SCAN, sweeps, -1), 3, 1)  # (K, rows, SCAN, sweeps)
+        high, low = self.high[:, None, None], self.low[:, None, None]
         if limit.sweep:
-            members += swept_peaks(problem, limit, k, candidate, back_off)
-            continue
-        values = limit_on(candidate, problem.requirements, limit, k, u) / limit.scale[:, None]
+            k, row, i, j = np.nonzero(_stands_out_swept(np.maximum(table - high, low - table)))
+            return self.segments[k], row, u[i], SWEEP[j]
+        parts: list[tuple[Index, Index, Array]] = []
         for side, bound in ((1.0, high), (-1.0, -low)):
-            rows, places = np.nonzero(_stands_out(side * values - bound[:, None]))
-            if not len(rows):
-                continue
-            # Narrow peaks lie between samples, where Newton's method would go astray: look closer first.
-            close = np.clip(u[places][:, None] + np.linspace(-1.0, 1.0, FINE) / (SCAN - 1), 0.0, 1.0)
-            closer = limit_on(candidate, problem.requirements, limit, k, close.ravel()) / limit.scale[:, None]
-            own = closer.reshape(-1, *close.shape)[rows, np.arange(len(rows))]  # (peaks, FINE)
-            highest = close[np.arange(len(rows)), np.argmax(side * own, axis=1)]
-            members += [Instant(limit.id, k, float(v), (int(row),)) for row, v in zip(rows, highest, strict=True)]
-    return members
+            k, row, i, _ = np.nonzero(_stands_out(side * table - bound))
+            if len(k):
+                parts.append((k, row, self._closer(self.segments[k], row, u[i], side)))
+        if not parts:
+            return np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0), None
+        k, row, place = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        return self.segments[k], row, place, None
+
+    def _closer(self, segments: Index, rows: Index, u: Array, side: float) -> Array:
+        """The highest of finer samples about each: narrow peaks lie where Newton's method would go astray."""
+        close = np.clip(u[:, None] + np.linspace(-1.0, 1.0, FINE) / (SCAN - 1), 0.0, 1.0)
+        values = self._values(np.repeat(segments, FINE), close.ravel(), None).at(self.shape).values
+        own = np.take_along_axis(values.reshape(*close.shape, -1), rows[:, None, None], axis=2)[:, :, 0]
+        own = np.where(np.isfinite(own), own, -side * np.inf)
+        return np.asarray(close[np.arange(len(rows)), np.argmax(side * own, axis=1)])
+
+    def _free(self, places: Array, found: Peak, side: Array) -> NDArray[np.bool_]:
+        """Which of (u, s) ``(N, 2)`` are not held at an end of [0, 1] by a limit that still rises towards it."""
+        rising = side[:, None] * np.stack([found.u, found.s], axis=1)
+        held = ((places <= 0.0) & (rising < 0.0)) | ((places >= 1.0) & (rising > 0.0))
+        free = ~held
+        if not self.limit.sweep:
+            free[:, 1] = False
+        return np.asarray(free)
+
+
+def _one_row(rows: Index, count: int) -> Array:
+    """Weights ``(N, count)`` that choose one row an instant."""
+    weights = np.zeros((len(rows), count))
+    weights[np.arange(len(rows)), rows] = 1.0
+    return weights
 
 
 def _stands_out(excess: Array) -> NDArray[np.bool_]:
-    """Which samples ``(rows, SCAN)`` are local maxima of an excess that is above zero, or may be between samples."""
-    left = np.pad(excess[:, :-1], ((0, 0), (1, 0)), constant_values=-np.inf)
-    right = np.pad(excess[:, 1:], ((0, 0), (0, 1)), constant_values=-np.inf)
+    """Which samples, along the axis before the last, are local maxima of an excess above zero, or that may be between."""
+    edge = np.full_like(excess[..., :1, :], -np.inf)
+    left, right = (
+        np.concatenate(parts, axis=-2) for parts in ((edge, excess[..., :-1, :]), (excess[..., 1:, :], edge))
+    )
     with np.errstate(invalid="ignore"):  # of a side without a bound
         falls = np.stack([excess - left, excess - right])
     fall = np.where(np.isfinite(falls), falls, 0.0).max(axis=0)
     return np.asarray((excess >= left) & (excess > right) & (excess > -fall))
 
 
-def _sharpened(
-    problem: Problem, limit: PathConstraint, members: list[Instant], x: Array, back_off: float
+def _stands_out_swept(excess: Array) -> NDArray[np.bool_]:
+    """Likewise over local times and sweeps, the last two axes."""
+    rows, columns = excess.shape[-2:]
+    padded = np.pad(excess, ((0, 0), (0, 0), (1, 1), (1, 1)), constant_values=-np.inf)
+    shifts = [(i, j) for i in range(3) for j in range(3) if (i, j) != (1, 1)]
+    around = np.stack([padded[..., i : i + rows, j : j + columns] for i, j in shifts])
+    with np.errstate(invalid="ignore"):
+        falls = np.where(np.isfinite(around), excess - around, 0.0)
+    return np.asarray((excess >= around.max(axis=0)) & (excess > -np.abs(falls).max(axis=0)))
+
+
+def _hessians(found: Peak, free: NDArray[np.bool_]) -> Array:
+    """Hessians over (u, s) ``(N, 2, 2)``, with one where a coordinate is held."""
+    both = free.all(axis=1)
+    cross = np.where(both, found.us, 0.0)
+    uu, ss = np.where(free[:, 0], found.uu, 1.0), np.where(free[:, 1], found.ss, 1.0)
+    return np.stack([np.stack([uu, cross], axis=1), np.stack([cross, ss], axis=1)], axis=1)
+
+
+def _newton_step(found: Peak, free: NDArray[np.bool_]) -> Array:
+    """Steps ``(N, 2)`` towards the stationary point; none where the Hessian is singular."""
+    gradient = np.where(free, np.stack([found.u, found.s], axis=1), 0.0)
+    hessian = _hessians(found, free)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        determinant = hessian[:, 0, 0] * hessian[:, 1, 1] - hessian[:, 0, 1] ** 2
+        step = -np.stack(
+            [
+                hessian[:, 1, 1] * gradient[:, 0] - hessian[:, 0, 1] * gradient[:, 1],
+                hessian[:, 0, 0] * gradient[:, 1] - hessian[:, 0, 1] * gradient[:, 0],
+            ],
+            axis=1,
+        ) / determinant[:, None]  # fmt: skip
+    return np.nan_to_num(step, nan=0.0, posinf=0.0, neginf=0.0)
+
+
+def _moving(
+    members: list[Instant], found: Peak, free: NDArray[np.bool_], values: InstantValues, x: Array
 ) -> list[Instant]:
-    """Moves instants onto their peaks by Newton's method on g_u = 0; keeps those where the limit is broken."""
-    if not members:
-        return []
-    if limit.sweep:
-        return sharpened_sweep(problem, limit, members, x, back_off)
-    derivatives = peak_function(problem, limit, members)
-    rows = np.array([m.rows[0] for m in members if m.rows])
-    low, high = (bound[rows] for bound in _scaled_bounds(limit, back_off))
-    first = np.array([m.u for m in members])
-    u, cell = first, 2.0 / (SCAN - 1) / (FINE - 1)
-    begun = np.array(derivatives(x, u)[0]).ravel()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for _ in range(4):
-            value, gu, guu, gux = (np.array(part) for part in derivatives(x, u))
-            step = np.nan_to_num(-gu.ravel() / guu.ravel(), nan=0.0, posinf=0.0, neginf=0.0)
-            u = np.clip(u + step, np.maximum(first - cell, 0.0), np.minimum(first + cell, 1.0))
-        value, gu, guu, gux = (np.array(part) for part in derivatives(x, u))
-    value = value.ravel()
-    excess, at_first = np.maximum(value - high, low - value), np.maximum(begun - high, low - begun)
-    kept = []
-    for i in np.nonzero(np.maximum(excess, at_first) > 0.0)[0]:
-        if excess[i] < at_first[i]:
-            # Newton's method led downhill: the peak is a corner at the end of a segment, where it stays.
-            kept.append(members[i])
-        elif not problem.instants_move:
-            kept.append(replace(members[i], u=float(u[i])))
-        else:  # g_u = 0 ties u to x
-            kept.append(moving(replace(members[i], u=float(u[i])), guu[i, 0], gux[i], x))
-    return kept
+    """The instants with the slopes of their free coordinates; those that would race, or are on a flat peak, stay."""
+    columns = values.shape.columns[values.segments]
+    hessian, moved = _hessians(found, free), []
+    curved = np.abs(np.linalg.eigvalsh(hessian)).min(axis=1) > FLAT
+    for j, member in enumerate(members):
+        member = replace(member, slope=None, sweep_slope=None, anchor=None)
+        if curved[j] and free[j].any():
+            cross = np.where(free[j][:, None], np.stack([found.ux[j], found.sx[j]]), 0.0)
+            local = -np.linalg.solve(hessian[j], cross)
+            slopes = np.zeros((2, len(x) + 1))
+            slopes[:, columns[j]] = local
+            slopes = slopes[:, :-1]
+            if np.abs(slopes * x).max() <= RACING:
+                u, sweep = (slope if here else None for slope, here in zip(slopes, free[j].tolist(), strict=True))
+                member = replace(member, slope=u, sweep_slope=sweep, anchor=x)
+        moved.append(member)
+    return moved

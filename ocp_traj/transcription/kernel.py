@@ -1,0 +1,107 @@
+"""A function of the state at one instant, with its derivatives in the few numbers it depends on.
+
+Written with derivatives in local time and the segment's duration, these numbers Z are the curve's derivatives in local
+time that the function uses, the duration T, the parameters p, the local time u and the sweep s.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi
+import numpy as np
+from numpy.typing import NDArray
+
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.requirements import ORDERS
+from ocp_traj.transcription.mapped import Mapped
+from ocp_traj.transcription.symbolic import integrand_function
+
+Array = NDArray[np.float64]
+
+
+class Kernel:
+    """Value, gradient and Hessian of a function at many instants.
+
+    Args:
+        function: casadi SX Function (stacked derivatives in time ``(5 dof,)``, u or (u, s), p, c) -> ``(rows,)``.
+        dof: joints.
+
+    Attributes:
+        rows: of the function.
+        orders: derivatives in local time that it uses.
+        size: of Z = (derivatives of those orders, T, p, u, s), with only those that the function uses.
+        duration, parameters, time, sweep: places in Z, slices that are empty where the function does not use them.
+        depends: which rows use which joints, T and p: bool ``(rows, dof + 1 + n_p)``; all of them on u or s.
+    """
+
+    def __init__(self, function: Any, dof: int) -> None:
+        """Compiles the derivatives."""
+        states, duration = casadi.SX.sym("D", len(ORDERS) * dof), casadi.SX.sym("T")
+        place, p, c = (casadi.SX.sym(name, function.numel_in(i)) for name, i in (("u", 1), ("p", 2), ("c", 3)))
+        timed = [part / duration**order for order, part in enumerate(casadi.vertsplit(states, dof))]
+        value = casadi.densify(casadi.vec(function(casadi.vertcat(*timed), place, p, c)))
+        self.rows, weights = value.numel(), casadi.SX.sym("w", value.numel())
+
+        def used(inputs: Any) -> NDArray[np.bool_]:
+            return np.array(casadi.DM(casadi.jacobian_sparsity(value, inputs), 1.0), dtype=bool).reshape(
+                self.rows, inputs.numel()
+            )
+
+        derivatives = used(states).reshape(self.rows, len(ORDERS), dof)
+        self.orders = tuple(np.nonzero(derivatives.any(axis=(0, 2)))[0].tolist())
+        uses = used(duration), used(p), used(place)
+        self.depends = np.concatenate([derivatives.any(axis=1), uses[0], uses[1]], axis=1)
+        active = [casadi.vertcat(*(states[o * dof : (o + 1) * dof] for o in self.orders))]
+        places = []
+        for inputs, wanted in (
+            (duration, uses[0].any()), (p, uses[1].any()), (place[0], uses[2][:, 0].any()),
+            (place[1:], uses[2][:, 1:].any()),
+        ):  # fmt: skip
+            begin = sum(part.numel() for part in active)
+            active.append(inputs if wanted else casadi.SX(0, 1))
+            places.append(slice(begin, begin + active[-1].numel()))
+        self.duration, self.parameters, self.time, self.sweep = places
+        chosen = casadi.vertcat(*active)
+        self.size = chosen.numel()
+        inputs = [states, duration, place, p, c]
+        slope = casadi.densify(casadi.jacobian(value, chosen))
+        bend, gradient = casadi.hessian(casadi.dot(weights, value), chosen)
+        first = casadi.cse([value, casadi.vec(slope.T)])
+        second = casadi.cse([casadi.densify(gradient), casadi.vec(casadi.densify(bend))])
+        self.linear = bend.nnz() == 0
+        self._values = Mapped(casadi.Function("value", inputs, [value]))
+        self._first = Mapped(casadi.Function("first", inputs, first))
+        self._second = Mapped(casadi.Function("second", [*inputs, weights], second))
+
+    def values(self, arguments: tuple[Array, ...]) -> Array:
+        """Values ``(N, rows)`` at arguments ``(N, ..)``: derivatives in local time, T, (u, s), p, c."""
+        return self._values(*arguments)[0].copy()
+
+    def first(self, arguments: tuple[Array, ...]) -> Array:
+        """Derivatives of the values in Z ``(N, rows, size)``."""
+        slopes = self._first(*arguments)[1]
+        return slopes.reshape(len(slopes), self.rows, self.size).copy()
+
+    def second(self, arguments: tuple[Array, ...], weights: Array) -> tuple[Array, Array]:
+        """Gradient ``(N, size)`` and Hessian ``(N, size, size)`` in Z of the rows times weights ``(N, rows)``."""
+        gradient, bend = self._second(*arguments, weights)
+        return gradient.copy(), bend.reshape(-1, self.size, self.size).copy()
+
+
+def limit_kernel(problem: Problem, name: str) -> Kernel:
+    """The kernel of a path or point constraint, or of an objective's integrand or total variation, compiled once."""
+    requirements = problem.requirements
+
+    def build() -> Kernel:
+        limits = (*requirements.path_constraints, *requirements.point_constraints)
+        for limit in limits:
+            if limit.id == name:
+                return Kernel(requirements.function(limit), requirements.dof)
+        objective = problem.objective(name)
+        if objective.variation is not None:
+            return Kernel(requirements.function(problem.variation(objective)), requirements.dof)
+        return Kernel(integrand_function(problem, objective), requirements.dof)
+
+    kernel: Kernel = problem.cached(("kernel", name), build)
+    return kernel
