@@ -47,6 +47,28 @@ def basis(degree: int, u: Any) -> Any:
     )
 
 
+def derivative_basis(degree: int, u: Array, top: int) -> Array:
+    """What takes control points to derivatives of order 0 .. ``top`` over a unit time at local times ``u (N,)``.
+
+    Returns:
+        ``(N, top + 1, n + 1)``.
+    """
+    right, left = (np.vander(values, degree + 1, increasing=True) for values in (u, 1.0 - u))
+    found = np.zeros((len(u), top + 1, degree + 1))
+    for order in range(min(top, degree) + 1):
+        lower = degree - order
+        found[:, order] = (right[:, : lower + 1] * left[:, lower::-1]) @ _differences(degree, order)
+    return found
+
+
+@lru_cache(maxsize=256)
+def _differences(degree: int, order: int) -> Array:
+    """``difference_matrix`` times the binomials of the derivative's own basis."""
+    lower = degree - order
+    binomials = np.array([float(comb(lower, i)) for i in range(lower + 1)])
+    return np.asarray(binomials[:, None] * difference_matrix(degree, order))
+
+
 def product(matrix: Any, points: Points) -> Any:
     """Matrix product of numbers or expressions; CasADi and NumPy do not share an operator for it."""
     if isinstance(matrix, np.ndarray) and isinstance(points, np.ndarray):

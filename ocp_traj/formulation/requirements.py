@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import casadi
@@ -163,7 +164,7 @@ class PathConstraint:
         """Whether it has to hold on a segment of the curve."""
         return self.segments is None or segment in self.segments
 
-    @property
+    @cached_property
     def scale(self) -> Array:
         """Size of each row ``(rows,)``: half the range where two-sided, else the bound's size, else 1."""
         two_sided = np.isfinite(self.lower) & np.isfinite(self.upper)

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.curves.bernstein import basis, difference_matrix
+from ocp_traj.curves.bernstein import derivative_basis, difference_matrix
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS
 from ocp_traj.transcription.instants import Instant
@@ -27,6 +27,7 @@ from ocp_traj.transcription.kernel import Kernel, limit_kernel
 from ocp_traj.transcription.shape import Shape, ShapeAt, shape_of
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 
 class Curvature(NamedTuple):
@@ -117,21 +118,43 @@ class InstantValues:
     @cached_property
     def fixed_basis(self) -> Array | None:
         """The basis of instants that do not move, computed once."""
-        return None if self.slopes is not None else self.basis(np.clip(self.u, 0.0, 1.0), max(self.kernel.orders, default=0))
+        if self.slopes is not None:
+            return None
+        return self.basis(np.clip(self.u, 0.0, 1.0), max(self.kernel.orders, default=0))
+
+    @cached_property
+    def _by_degree(self) -> list[tuple[int, slice | Index]]:
+        """Instants by the degree of their segments."""
+        degrees = self.shape.degrees[self.segments]
+        distinct = np.unique(degrees).tolist()
+        if len(distinct) == 1:
+            return [(distinct[0], slice(None))]
+        return [(degree, np.nonzero(degrees == degree)[0]) for degree in distinct]
 
     def basis(self, u: Array, top: int) -> Array:
         """What takes control points to derivatives in local time of order 0 .. ``top``: ``(N, top + 1, most + 1)``."""
-        degrees = self.shape.degrees[self.segments]
         found = np.zeros((len(u), top + 1, int(self.shape.degrees.max()) + 1))
-        for degree in np.unique(degrees).tolist():
-            here = np.nonzero(degrees == degree)[0]
+        for degree, here in self._by_degree:
+            if self.control is None:
+                found[here, :, : degree + 1] = derivative_basis(degree, u[here], top)
+                continue
             for order in range(min(top, degree) + 1):
-                matrix = difference_matrix(degree, order)
-                if self.control is None:
-                    found[here, order, : degree + 1] = basis(degree - order, u[here]) @ matrix
-                else:
-                    found[here, order, : degree + 1] = matrix[np.minimum(self.control[here], degree - order)]
+                rows = np.minimum(self.control[here], degree - order)
+                found[here, order, : degree + 1] = difference_matrix(degree, order)[rows]
         return found
+
+    @cached_property
+    def _runs(self) -> tuple[Index, Index, Index]:
+        """The order of instants by segment, where each segment begins in it, and the segments."""
+        order = np.argsort(self.segments, kind="stable")
+        segments, starts = np.unique(self.segments[order], return_index=True)
+        return order, starts, segments
+
+    def add_by_segment(self, total: Array, values: Array) -> None:
+        """Adds values of the instants ``(N, ..)`` to those of their segments ``(K, ..)``."""
+        order, starts, segments = self._runs
+        if len(order):
+            total[segments] += np.add.reduceat(values[order], starts)
 
 
 class InstantValuesAt:
@@ -149,7 +172,8 @@ class InstantValuesAt:
         self.u, self._u_slopes = _moved(of.u, of.slopes, local) if u is None else (u, None)
         self.sweep, self._sweep_slopes = (None, None)
         if of.sweep is not None:
-            self.sweep, self._sweep_slopes = _moved(of.sweep, of.sweep_slopes, local) if sweep is None else (sweep, None)
+            moved = _moved(of.sweep, of.sweep_slopes, local)
+            self.sweep, self._sweep_slopes = moved if sweep is None else (sweep, None)
         top = max(kernel.orders, default=0)
         fixed = of.fixed_basis if u is None else None
         self._basis = of.basis(self.u, top) if fixed is None else fixed
@@ -220,7 +244,7 @@ class InstantValuesAt:
 
     def curvature(self, weights: Array) -> Curvature:
         """Second derivatives of the sum of the values times weights ``(N, rows)``."""
-        kernel, shape, segments = self.of.kernel, self.shape, self.of.segments
+        kernel, shape = self.of.kernel, self.shape
         gradient, bend = kernel.second(self._arguments, weights)
         whole = self._whole
         local = np.swapaxes(whole, 1, 2) @ (bend @ whole)
@@ -232,11 +256,11 @@ class InstantValuesAt:
         points, durations, parameters = (np.zeros_like(v) for v in (shape.points, shape.durations, shape.parameters))
         if kernel.orders:
             of_states = self._of_states(gradient)
-            np.add.at(points, segments, np.swapaxes(self._basis[:, kernel.orders], 1, 2) @ of_states)
+            self.of.add_by_segment(points, np.swapaxes(self._basis[:, kernel.orders], 1, 2) @ of_states)
         if kernel.duration.stop > kernel.duration.start:
-            np.add.at(durations, segments, gradient[:, kernel.duration.start])
+            self.of.add_by_segment(durations, gradient[:, kernel.duration.start])
         if kernel.parameters.stop > kernel.parameters.start:
-            np.add.at(parameters, segments, gradient[:, kernel.parameters])
+            self.of.add_by_segment(parameters, gradient[:, kernel.parameters])
         return Curvature(local, points, durations, parameters)
 
     def _of_states(self, gradient: Array) -> Array:

@@ -172,7 +172,7 @@ class _Sum:
     def add(self, values: InstantValuesAt, weights: Array) -> None:
         """Adds the second derivatives of values at instants times weights ``(N, rows)``."""
         found = values.curvature(weights)
-        np.add.at(self.local, values.of.segments, found.local)
+        values.of.add_by_segment(self.local, found.local)
         self.points += found.points
         self.durations += found.durations
         self.parameters += found.parameters
