@@ -19,7 +19,8 @@ from ocp_traj.proof.audit import audit
 from ocp_traj.results.trajectory import trajectory_of
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.ipopt import Ipopt
-from ocp_traj.transcription.transcription import Instant, few_instants, transcribe, uniform_instants
+from ocp_traj.transcription.instants import Instant, few_instants, uniform_instants
+from ocp_traj.transcription.transcription import transcribe
 
 STARTS = 3
 

@@ -8,6 +8,7 @@ proved every limit, so that the solution needs no further check.
 
 from __future__ import annotations
 
+
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -29,7 +30,7 @@ from ocp_traj.results.trajectory import audit_points, trajectory_of
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.transcription.instants import Instant, along, few_instants, frozen, where
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
-from ocp_traj.transcription.symbolic import evaluate_objectives, variations
+from ocp_traj.transcription.symbolic import evaluate_objectives, motion_of, variations
 from ocp_traj.transcription.transcription import BACK_OFF, row_of, transcribe
 from ocp_traj.transcription.turning_points import turned
 from ocp_traj.transcription.worst_instants import worst_instants
@@ -76,7 +77,7 @@ class Exchange:
 
     def _first(self, problem: Problem) -> list[Instant]:
         # Slopes of another solution mislead.
-        given = [replace(instant, slope=None, sweep_slope=None) for instant in self.first or ()]
+        given = list(self.first or ())
         return given or list(few_instants(problem))
 
     @one_blas_thread
@@ -152,24 +153,31 @@ class Exchange:
                 solution = replace(solution, seconds=time.perf_counter() - begun)
                 break
             x, extra = solution.x[: problem.size], solution.x[problem.size :]
-            last = solution = _finished(problem, scalarisation, solution, x, begun)
-            assert solution.audit is not None and solution.trajectory is not None
-            self.progress(number, most, f"{len(nlp.rows)} rows, {solution.audit.verdict}")
-            updated = turned(problem, scalarisation, instants, x, solution.trajectory)
-            if solution.audit.proved:
-                proved.append(solution)
-                if updated is None:
-                    return _settled(problem, scalarisation, solution)
-            before, excess = excess, largest_excess(problem, solution.audit)
+            last = solution
+            before, (peaks, excess) = excess, worst_instants(problem, x, self.back_off)
+            updated = turned(problem, scalarisation, instants, x, motion_of(problem, x))
+            if excess <= 0.0:
+                last = solution = _finished(problem, scalarisation, solution, x, begun)
+                assert solution.audit is not None
+                if solution.audit.proved:
+                    proved.append(solution)
+                else:
+                    excess = largest_excess(problem, solution.audit)
+            self.progress(
+                number, most, f"{len(nlp.rows)} rows, {'proved' if excess <= 0.0 else f'excess {excess:.2g}'}"
+            )
+            if proved and proved[-1] is solution and updated is None:
+                return _settled(problem, scalarisation, solution)
             if before / STALLED < excess < NEGLIGIBLE:
                 back_off += 2.0 * excess  # flat peaks wander for ever: stay clear of the limit by what they wander
-            peaks, _ = worst_instants(problem, x, self.back_off)
             instants = updated or instants
             if number == 1 and self.first is None and problem.instants is None:
                 instants = _near(instants, problem, solution)
             instants, renamed = _merge(instants, peaks, x, problem, keep=excess > before / GAINS)
             inherited = {new: solution.multipliers.get(old, 0.0) for new, old in renamed.items()}
             warm = replace(solution, multipliers={**solution.multipliers, **inherited})
+        if last is not None and last.audit is None:
+            last = _finished(problem, scalarisation, last, x, begun)
         if proved:
             return _settled(problem, scalarisation, replace(proved[-1], seconds=time.perf_counter() - begun))
         if self.repair and last is not None:

@@ -274,7 +274,7 @@ class _Trace:
         x0, nearest = self._start(neighbours, bounds)
         known = self.solutions[nearest]
         solver = replace(self.tracer.solver, first=known.instants)
-        solution = solver.solve(self.problem, scalar, x0)
+        solution = solver.solve(self.problem, scalar, x0, warm=known)
         self._count(scalar, solution)
         others = [self.solutions[i].x for i in neighbours if i != nearest]
         # Once more, from the neighbours themselves and with all rows: of many local optima the other may lead to a

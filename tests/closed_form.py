@@ -335,7 +335,7 @@ def small_nlp(
     """An NLP of n variables from rows (name, g, lower, upper); ``scale`` is that of all rows."""
     x = ca.MX.sym("x", n)
     rows = list(rows)
-    return NLP(
+    return NLP.symbolic(
         name="small",
         x=x,
         f=f(x),

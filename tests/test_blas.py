@@ -30,7 +30,7 @@ def dense_nlp() -> NLP:
     x = casadi.MX.sym("x", SIZE)
     root = rng.normal(size=(SIZE, SIZE))
     free = np.full(SIZE, np.inf)
-    return NLP(
+    return NLP.symbolic(
         name="dense",
         x=x,
         f=casadi.bilin(casadi.DM(root @ root.T), x, x) + casadi.sumsqr(x * x - 1.0),

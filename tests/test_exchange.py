@@ -19,9 +19,10 @@ from ocp_traj.results.trajectory import trajectory_of
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.multistart import Multistart
+from ocp_traj.transcription.instants import uniform_instants
 from ocp_traj.transcription.nlp import NLP, Status
 from ocp_traj.transcription.symbolic import evaluate_objectives
-from ocp_traj.transcription.transcription import BACK_OFF, transcribe, uniform_instants
+from ocp_traj.transcription.transcription import BACK_OFF, transcribe
 from ocp_traj.transcription.worst_instants import worst_instants
 from tests.closed_form import Quintic, quintic_problem
 from tests.independent.check import broken, excesses
@@ -68,8 +69,7 @@ def test_a_narrow_dip_below_beside_a_peak_above_is_found() -> None:
     )
     problem = quintic_problem()
     problem = replace(problem, requirements=replace(problem.requirements, path_constraints=(limit,)))
-    candidate = trajectory_of(problem, [3.0])
-    found = worst_instants(problem, np.array([3.0]), candidate, audit(candidate, problem.requirements))
+    found, _ = worst_instants(problem, np.array([3.0]), BACK_OFF)
     assert min(abs(instant.u - dip) for instant in found) < 1e-9
 
 
@@ -77,8 +77,8 @@ def test_a_first_grid_blind_to_the_limit_gets_the_peaks_as_moving_instants() -> 
     """At T = 0.5 the acceleration is broken at u = (3 -+ sqrt(3))/6, the velocity at 1/2: none of them moves with T."""
     case = Quintic()
     problem = quintic_problem(case)
-    candidate = trajectory_of(problem, [0.5])
-    found = worst_instants(problem, np.array([0.5]), candidate, audit(candidate, problem.requirements))
+    found, excess = worst_instants(problem, np.array([0.5]), BACK_OFF)
+    assert excess > 0.0
     at = sorted((instant.limit, instant.u) for instant in found)
     assert [limit for limit, _ in at] == ["acceleration-limit", "acceleration-limit", "velocity-limit"]
     assert [u for _, u in at] == pytest.approx([(3 - 3**0.5) / 6, (3 + 3**0.5) / 6, 0.5], abs=1e-9)

@@ -17,8 +17,9 @@ from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.results.solution import Solution
 from ocp_traj.solvers import ipopt
 from ocp_traj.solvers.ipopt import Ipopt, matched_multipliers
+from ocp_traj.transcription.instants import few_instants
 from ocp_traj.transcription.nlp import NLP, Status
-from ocp_traj.transcription.transcription import few_instants, transcribe
+from ocp_traj.transcription.transcription import transcribe
 from tests.closed_form import Septic, septic_problem, small_nlp, via_constraint
 
 Rows = tuple[tuple[str, Callable[[Any], Any], float, float], ...]

@@ -282,7 +282,7 @@ def test_an_nlp_checks_its_shapes() -> None:
         "lower_g": np.zeros(1), "upper_g": np.ones(1), "rows": (Row("r", ""),), "labels": ("a", "b"),
         "units": ("m", "m"),
     }  # fmt: skip
-    assert NLP(**given).rows[0].limit == "r"
+    assert NLP.symbolic(**given).rows[0].limit == "r"
     for field, value, message in (
         ("lower_x", np.zeros(3), r"n: a bound on x has shape \(3,\), expected \(2,\)"),
         ("upper_x", np.zeros(1), r"a bound on x has shape \(1,\), expected \(2,\)"),
@@ -292,14 +292,14 @@ def test_an_nlp_checks_its_shapes() -> None:
         ("labels", ("a",), "1 labels for 2 variables"),
     ):
         with pytest.raises(ProblemDefinitionError, match=message):
-            NLP(**given | {field: value})
+            NLP.symbolic(**given | {field: value})
 
 
 def test_violation_is_the_largest_excess_and_never_hides_nan() -> None:
     x = ca.MX.sym("x", 2)
-    nlp = NLP(
-        "n", x, x[0], x[:1], np.array([0.0, -np.inf]), np.array([1.0, np.inf]), np.array([0.0]), np.array([np.inf]),
-        (Row("r", ""),), ("a", "b"), ("", ""),
+    nlp = NLP.symbolic(
+        "n", x, x[0], x[:1], lower_x=np.array([0.0, -np.inf]), upper_x=np.array([1.0, np.inf]), lower_g=np.zeros(1),
+        upper_g=np.array([np.inf]), rows=(Row("r", ""),), labels=("a", "b"), units=("", ""),
     )  # fmt: skip
     assert nlp.violation(np.array([0.5, 9.0]), np.array([3.0])) == 0.0
     assert nlp.violation(np.array([1.25, 0.0]), np.array([0.0])) == 0.25

@@ -17,8 +17,9 @@ from ocp_traj.formulation.scalarise import GoalAttainment, WeightedSum
 from ocp_traj.interval.tape import Tape
 from ocp_traj.proof.verdicts import VIOLATED
 from ocp_traj.results.trajectory import Trajectory, trajectory_of
+from ocp_traj.transcription.instants import Instant, few_instants
 from ocp_traj.transcription.symbolic import evaluate_objectives, objective_function, smooth_objectives, variations
-from ocp_traj.transcription.transcription import Instant, few_instants, transcribe
+from ocp_traj.transcription.transcription import transcribe
 from tests.closed_form import Direct
 
 # Cases other than the default one that must pass as well.

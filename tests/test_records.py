@@ -21,7 +21,7 @@ from ocp_traj.solvers.front_tracer import FrontTracer
 from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.nsga2 import NSGA2
-from ocp_traj.transcription.transcription import Instant
+from ocp_traj.transcription.instants import Instant
 from tests.closed_form import Quintic, quintic_problem, stairs_problem
 
 PAIR = ["time", "effort"]

@@ -11,7 +11,8 @@ from ocp_traj.errors import InputError, UnknownName
 from ocp_traj.formulation.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation, WeightedSum, check_names
 from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.ipopt import Ipopt
-from ocp_traj.transcription.transcription import transcribe, uniform_instants
+from ocp_traj.transcription.instants import uniform_instants
+from ocp_traj.transcription.transcription import transcribe
 from tests.closed_form import Quintic, quintic_problem
 
 CASE = Quintic()

@@ -19,7 +19,8 @@ from ocp_traj.proof.values import limit_on, swept_on
 from ocp_traj.proof.verdicts import PROVED, UNDECIDED, VIOLATED
 from ocp_traj.results.trajectory import Trajectory, trajectory_of
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.transcription.transcription import Instant, few_instants, transcribe
+from ocp_traj.transcription.instants import Instant, few_instants
+from ocp_traj.transcription.transcription import transcribe
 
 JOINTS = ("A", "B")
 

@@ -10,9 +10,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import EpsilonConstraint, GoalAttainment, WeightedSum
 from ocp_traj.results.trajectory import case_fields, trajectory_of
+from ocp_traj.transcription.instants import Instant, few_instants, uniform_instants
 from ocp_traj.transcription.nlp import NLP
 from ocp_traj.transcription.symbolic import SymbolicCurve, evaluate_objectives, quadrature, states_at
-from ocp_traj.transcription.transcription import BACK_OFF, Instant, few_instants, transcribe, uniform_instants
+from ocp_traj.transcription.transcription import BACK_OFF, transcribe
 from tests.closed_form import (
     Direct,
     Mixed,

@@ -25,9 +25,10 @@ from ocp_traj.results.time_scaling import TimeScaling
 from ocp_traj.results.trajectory import Trajectory, trajectory_of
 from ocp_traj.solvers.ga import GA
 from ocp_traj.solvers.ipopt import Ipopt
+from ocp_traj.transcription.instants import uniform_instants
 from ocp_traj.transcription.nlp import Status
 from ocp_traj.transcription.symbolic import evaluate_objectives
-from ocp_traj.transcription.transcription import transcribe, uniform_instants
+from ocp_traj.transcription.transcription import transcribe
 from tests.independent.check import broken, excesses
 from tests.independent.motion import Motion
 from tests.independent.robots import WristRobot, efforts

@@ -274,7 +274,9 @@ class _Pattern:
             if objective.integrand is not None:
                 self.integrals[name] = problem.cached(("integral", name), lambda o=objective: _Integral(problem, o))
             elif objective.of_variables is not None:
-                self.functions[name] = problem.cached(("of variables", name), lambda o=objective: _OfVariables(problem, o))
+                self.functions[name] = problem.cached(
+                    ("of variables", name), lambda o=objective: _OfVariables(problem, o)
+                )
         outer = (*columns.shape, columns.shape[1])
         blocks = np.stack(
             [np.broadcast_to(c, outer).ravel() for c in (columns[:, :, None], columns[:, None, :])], axis=1

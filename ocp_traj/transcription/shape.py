@@ -45,7 +45,10 @@ class Shape:
         for k in range(segments):
             whole += [casadi.vec(points[k].T), durations[k], parameters]
             number = (self.degrees[k] + 1) * self.dof
-            places += [k * self._rows + np.arange(number), k * self._rows + self._rows - 1 - self._count + np.arange(1 + self._count)]  # noqa: E501
+            places += [
+                k * self._rows + np.arange(number),
+                k * self._rows + self._rows - 1 - self._count + np.arange(1 + self._count),
+            ]  # noqa: E501
         stacked, self._places = casadi.densify(casadi.vertcat(*whole)), np.concatenate(places)
         slope = casadi.jacobian(stacked, x)
         row, column = (np.array(index, dtype=np.intp) for index in slope.sparsity().get_triplet())
@@ -60,7 +63,9 @@ class Shape:
         self._slope_places = (segment * self._rows + within) * width + where[segment, column]
         self.depends = np.zeros((segments, self.dof + 1 + self._count, width), dtype=bool)
         number = (most + 1) * self.dof
-        self.depends[segment, np.where(within < number, within % self.dof, within - number + self.dof), where[segment, column]] = True  # noqa: E501
+        self.depends[
+            segment, np.where(within < number, within % self.dof, within - number + self.dof), where[segment, column]
+        ] = True  # noqa: E501
         self._value = Mapped(casadi.Function("shape", [x], [stacked]))
         self._slope = Mapped(casadi.Function("shape_slope", [x], [slope.nz[:]]))  # noqa: E501
         nu = casadi.SX.sym("nu", stacked.numel())

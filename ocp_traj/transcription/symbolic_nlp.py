@@ -59,9 +59,7 @@ def symbolic_nlp(problem: Problem, scalarisation: Scalarisation, instants: Seque
     return casadi.vertcat(x, *extra, *sizes), f, casadi.vertcat(*g) if g else casadi.MX(0, 1)
 
 
-def limit_values(
-    curve: SymbolicCurve, limit: PathConstraint, members: Sequence[Instant]
-) -> Any:
+def limit_values(curve: SymbolicCurve, limit: PathConstraint, members: Sequence[Instant]) -> Any:
     """MX expression of a path limit at instants: ``(rows, instants)``."""
     problem = curve.problem
     local = casadi.vertcat(*(_local_time(m, curve.x) for m in members))

@@ -128,7 +128,9 @@ class _Table:
         for row in range(len(limit.labels)):
             own = step_nodes(self.problem, objective, row, instants)
             places = range(len(nodes), len(nodes) + len(own))
-            ends += [(a, b, row) for a, b in pairwise(places) if own[a - places[0]].segment == own[b - places[0]].segment]
+            ends += [
+                (a, b, row) for a, b in pairwise(places) if own[a - places[0]].segment == own[b - places[0]].segment
+            ]
             nodes += own
         values = InstantValues.of(self.problem, objective.id, nodes)
         before, after, entry = np.array(ends, dtype=np.intp).reshape(-1, 3).T

@@ -74,7 +74,11 @@ class _Peaks:
         if not len(rows):
             return [], 0.0
         values = self._values(segments, u, sweep)
-        width = np.array([1.0 / (SCAN - 1), SWEEP[1]]) if self.limit.sweep else np.array([2.0 / (SCAN - 1) / (FINE - 1)] * 2)
+        width = (
+            np.array([1.0 / (SCAN - 1), SWEEP[1]])
+            if self.limit.sweep
+            else np.array([2.0 / (SCAN - 1) / (FINE - 1)] * 2)
+        )
         weights = _one_row(rows, values.kernel.rows) / self.limit.scale
         first = np.stack([u, np.zeros_like(u) if sweep is None else sweep], axis=1)
         places = first.copy()
