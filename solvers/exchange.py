@@ -8,7 +8,6 @@ proved every limit, so that the solution needs no further check.
 
 from __future__ import annotations
 
-
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -69,16 +68,17 @@ class Exchange:
 
     def opening(self, problem: Problem, scalarisation: Scalarisation) -> NLP:
         """The NLP of the first round."""
-        return transcribe(problem, scalarisation, self._first(problem), self.back_off)
+        return transcribe(problem, scalarisation, self._first(problem, None), self.back_off)
 
     def rounds(self, problem: Problem) -> int:
         """How many rounds a problem gets."""
         return problem.rounds if self.max_rounds is None else self.max_rounds
 
-    def _first(self, problem: Problem) -> list[Instant]:
-        # Slopes of another solution mislead.
-        given = list(self.first or ())
-        return given or list(few_instants(problem))
+    def _first(self, problem: Problem, warm: Solution | None) -> list[Instant]:
+        given = list(self.first or few_instants(problem))
+        if warm is None:  # slopes of another solution mislead where its multipliers do not come with them
+            given = [replace(instant, slope=None, sweep_slope=None) for instant in given]
+        return given
 
     @one_blas_thread
     def solve(
@@ -127,7 +127,7 @@ class Exchange:
         begun: float,
     ) -> Solution:
         """The rounds; ``proved`` collects those that are, but for total variations that are not yet exact."""
-        instants = self._first(problem)
+        instants = self._first(problem, warm)
         x, extra, iterations = np.asarray(x0, dtype=float), np.zeros(0), 0
         back_off, before, excess = self.back_off, np.inf, np.inf
         last: Solution | None = None  # feasible at its instants

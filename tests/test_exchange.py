@@ -13,7 +13,6 @@ from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint
 from ocp_traj.formulation.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation, WeightedSum
-from ocp_traj.proof.audit import audit
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.trajectory import trajectory_of
 from ocp_traj.solvers.exchange import Exchange

@@ -1,7 +1,6 @@
 """What every registered problem must do; a new paper gets these tests with its line in the registry."""
 
 import ast
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from ocp_traj.interval.tape import Tape
 from ocp_traj.proof.verdicts import VIOLATED
 from ocp_traj.results.trajectory import Trajectory, trajectory_of
 from ocp_traj.transcription.instants import Instant, few_instants
+from ocp_traj.transcription.shape import shape_of
 from ocp_traj.transcription.symbolic import evaluate_objectives, objective_function, smooth_objectives, variations
 from ocp_traj.transcription.transcription import transcribe
 from tests.closed_form import Direct
@@ -257,44 +257,41 @@ def _moving(problem: Problem) -> list[Instant]:
             continue
         segment = min(limit.segments or (0,))
         slope = 1e-3 * rng.normal(size=problem.size) / (1.0 + np.abs(anchor))
+        slope[np.setdiff1d(np.arange(problem.size), shape_of(problem).columns[segment])] = 0.0
         found.append(Instant(limit.id, segment, 0.4, (len(limit.labels) - 1,), slope=slope, anchor=anchor))
     return found
 
 
-def test_local_derivatives_are_those_casadi_makes(problem: Problem) -> None:
-    """Jacobian and Hessian of the Lagrangian put together from those of each instant, against plain ones."""
+def test_the_nlp_in_numbers_is_the_one_in_symbols(problem: Problem) -> None:
+    """f, g and their derivatives put together from those of each instant, against CasADi's of the whole."""
     if problem.size > 100:
-        pytest.skip("plain derivatives in hundreds of variables: among the slow tests")
-    _has_the_derivatives_casadi_makes(problem)
+        pytest.skip("the derivatives of the whole in hundreds of variables: among the slow tests")
+    _is_the_one_in_symbols(problem)
 
 
 @pytest.mark.slow
-def test_local_derivatives_in_hundreds_of_variables_are_those_casadi_makes() -> None:
-    _has_the_derivatives_casadi_makes(problems.load("weld-bezier"))
+def test_the_nlp_of_hundreds_of_variables_in_numbers_is_the_one_in_symbols() -> None:
+    _is_the_one_in_symbols(problems.load("weld-bezier"))
 
 
-def _has_the_derivatives_casadi_makes(problem: Problem) -> None:
-    name = problem.default_objective
-    scalarisation = GoalAttainment({name: 1.0}, {name: 1.0})
+def _is_the_one_in_symbols(problem: Problem) -> None:
+    names = {objective.id: 1.0 for objective in problem.objectives}
     few = few_instants(problem)
     instants = [*few[:: max(1, len(few) // 40)], *_moving(problem)]
-    plain = transcribe(replace(problem, local_derivatives=False), scalarisation, instants)
-    nlp = transcribe(replace(problem, local_derivatives=True), scalarisation, instants)
-    assert plain.rows == nlp.rows
-    assert plain.derivatives is None and nlp.derivatives is not None
+    nlp = transcribe(problem, GoalAttainment(names, names), instants)
     rng = np.random.default_rng(3)
-    x = nlp.start(guess(problem, 3)) + 0.0
+    x = nlp.start(guess(problem, 3))
     multipliers = rng.normal(size=len(nlp.rows))
     lam = ca.MX.sym("lam", len(nlp.rows))
-    jacobian = ca.Function("J", [plain.x], [plain.g, ca.jacobian(plain.g, plain.x)])(x)
-    lagrangian = 0.7 * plain.f + ca.dot(lam, plain.g)
-    hessian = ca.Function("H", [plain.x, lam], [ca.triu(ca.hessian(lagrangian, plain.x)[0])])(x, multipliers)
-    for found, expected in zip(
-        (*nlp.derivatives.jacobian(x, []), nlp.derivatives.hessian(x, [], 0.7, multipliers)),
-        (*jacobian, hessian),
-        strict=True,
-    ):
-        ours, theirs = np.array(ca.densify(found)), np.array(ca.densify(expected))
+    slopes = [ca.gradient(nlp.f, nlp.x), ca.jacobian(nlp.g, nlp.x)]
+    bend = ca.triu(ca.hessian(0.7 * nlp.f + ca.dot(lam, nlp.g), nlp.x)[0])
+    expected = ca.Function("whole", [nlp.x, lam], [nlp.f, nlp.g, *slopes, bend])(x, multipliers)
+    program = nlp.program
+    f, g = program.values(x)
+    jacobian = ca.DM(program.jacobian_sparsity, program.jacobian(x))
+    hessian = ca.DM(program.hessian_sparsity, program.hessian(x, 0.7, multipliers))
+    for found, wanted in zip((f, g, program.gradient(x), jacobian, hessian), expected, strict=True):
+        ours, theirs = np.array(ca.densify(ca.DM(found))), np.array(ca.densify(wanted))
         assert_allclose(ours, theirs, rtol=0, atol=1e-10 * max(float(np.abs(theirs).max()), 1.0))
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.curves.bernstein import derivative_basis, difference_matrix
+from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS
 from ocp_traj.transcription.instants import Instant
@@ -318,5 +319,9 @@ def _lines(
     for j, (_, slope, anchor) in enumerate(places):
         if slope is not None and anchor is not None:
             slopes[j] = np.append(slope, 0.0)[shape.columns[segments[j]]]
+            if np.count_nonzero(slopes[j]) < np.count_nonzero(slope):
+                raise ProblemDefinitionError(
+                    f"an instant on segment {segments[j]} moves with variables that the segment does not depend on"
+                )
             start[j] -= float(slopes[j] @ np.append(anchor, 0.0)[shape.columns[segments[j]]])
     return start, slopes
