@@ -86,7 +86,7 @@ def run(seeds: int, progress: Progress) -> Reproduction:
     progress(total, total, "done")
     errata = equation_errata(signed_torques(*solved["air move"]))
     return Reproduction(
-        "weld-bezier", seam.reference, tuple(sheet.comparisons), (*sheet.errata, *errata), tuple(runs), extra
+        "weld-bezier", seam.about.reference, tuple(sheet.comparisons), (*sheet.errata, *errata), tuple(runs), extra
     )
 
 
