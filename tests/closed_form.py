@@ -253,7 +253,7 @@ class Direct:
         total = 0.0
         if objective.variation is not None:
             for k in range(len(self.segments)):
-                for row, inner in enumerate(self.turning(objective, k)):
+                for row, inner in enumerate(self.turning_points(objective, k)):
                     nodes = [0.0, *inner, 1.0]
                     values = [self.value(objective.variation, k, u, np.zeros(0))[row] for u in nodes]
                     total += float(np.abs(np.diff(values)).sum())
@@ -264,7 +264,7 @@ class Direct:
                 total += curve.x[-1] * weight * float(self.value(objective.integrand, k, u, np.zeros(0))[0])
         return total
 
-    def turning(self, objective: Objective, k: int) -> list[list[float]]:
+    def turning_points(self, objective: Objective, k: int) -> list[list[float]]:
         """Local times at which each row of a total variation may turn back on segment k, in order.
 
         A row is a polynomial of the curve's degree: numpy interpolates it and finds its derivative's roots. The real

@@ -171,7 +171,7 @@ def test_an_nlp_has_the_total_variation_from_node_to_node(problem: Problem) -> N
             turning = [
                 Instant(objective.id, k, u, (row,))
                 for k in range(len(direct.segments))
-                for row, instants in enumerate(direct.turning(objective, k))
+                for row, instants in enumerate(direct.turning_points(objective, k))
                 for u in instants
             ]
             for instants, complete in (((), False), (turning, True)):

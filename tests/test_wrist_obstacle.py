@@ -295,7 +295,7 @@ def test_most_starts_of_a_branch_end_in_its_best_optimum(wrist: Problem) -> None
     best, *others = solution.optima
     assert best.solution.f == approx(BLOCKED, abs=1e-7) and best.starts > 10
     assert others and min(o.solution.f for o in others) == approx(7.62946, abs=1e-5)
-    assert len({o.way for o in solution.optima}) > 1
+    assert len({o.homotopy_class for o in solution.optima}) > 1
     for optimum in solution.optima:
         check(wrist, optimum.solution.x)
 

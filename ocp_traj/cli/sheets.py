@@ -203,7 +203,10 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         ]
     if solution.optima:
         data["optima"] = [
-            {**_outcome(problem, o.solution), "way": o.way, "starts": o.starts, "sampled": o.sampled}
+            {
+                **_outcome(problem, o.solution),
+                "homotopy_class": o.homotopy_class, "starts": o.starts, "sampled": o.sampled,
+            }
             for o in solution.optima
         ]  # fmt: skip
     effort = f"{solution.seconds:.2f} s, {count(solution.rounds, 'round')}, {count(solution.iterations, 'iteration')}"
@@ -230,14 +233,14 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         tables.append(("Alternatives", ["alternative", *names, "verdict", "chosen"], lines))
     if solution.optima:
         lines = [
-            [i, *_outcome_cells(problem, o.solution), o.starts, o.sampled, o.way]
+            [i, *_outcome_cells(problem, o.solution), o.starts, o.sampled, o.homotopy_class]
             for i, o in enumerate(solution.optima, 1)
         ]
         sampled = sum(o.sampled for o in solution.optima)
         title = (
             f"{len(lines)} local optima, best first; {sampled} of the problem sampled at its first instants led to them"
         )
-        tables.append((title, ["optimum", *names, "verdict", "starts", "sampled", "way"], lines))
+        tables.append((title, ["optimum", *names, "verdict", "starts", "sampled", "homotopy class"], lines))
     return Sheet(data, tables + _notes(problem))
 
 

@@ -18,7 +18,7 @@ from pymoo.operators.mutation.pm import PM
 from ocp_traj import api, problems
 from ocp_traj.errors import NoSolutionFound
 from ocp_traj.evolution.elitism import ControlledElitism
-from ocp_traj.evolution.evolution import Vectorised, evolve, front_of
+from ocp_traj.evolution.evolution import PymooProblem, evolve, front_of
 from ocp_traj.evolution.generations import crowding_distances, spread
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.problems import kr90
@@ -198,7 +198,7 @@ def fronts(problem: Problem, seeds: int, runs: list[Run], told: Callable[[str], 
 def evolution_alone(recipe: HMOGA, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
     """The hybrid's genetic algorithm with nothing of IPOPT's: its first generation is random, nothing is refined."""
     rng = np.random.default_rng(recipe.seed)
-    target = Vectorised(problem, objectives, recipe.per_segment, tolerance=recipe.constraint_tolerance)
+    target = PymooProblem(problem, objectives, recipe.per_segment, tolerance=recipe.constraint_tolerance)
     algorithm = PymooNSGA2(
         pop_size=recipe.population,
         sampling=np.array([problem.guess(rng) for _ in range(recipe.population)]),

@@ -105,11 +105,11 @@ class Optimum:
     Attributes:
         solution: the best of those that ended there.
         starts: how many ended there.
-        way: the problem's word for the way it takes (``About.homotopy_class``), or none.
+        homotopy_class: which it is in, by ``About.homotopy_class``; empty where the problem tells none apart.
         sampled: how many distinct local optima of the first NLP, which sees the first instants only, led there.
     """
 
     solution: Solution
     starts: int
-    way: str = ""
+    homotopy_class: str = ""
     sampled: int = 0

@@ -29,7 +29,7 @@ class NLP:
         rows: one a row of g.
         labels: one an entry of x.
         units: one an entry of x.
-        complete: the problem's own variables -> the extra variables that go with them, after those.
+        initial_slacks: the problem's own variables -> starting values of the slacks that follow them in x.
         expand: the functions are short: write them out (casadi's ``expand``).
         derivatives: Jacobian and Hessian, where there are quicker ones than the solver would make.
         options: for the solver, by IPOPT's names, in place of its usual ones.
@@ -47,7 +47,7 @@ class NLP:
     rows: tuple[Row, ...]
     labels: tuple[str, ...]
     units: tuple[str, ...]
-    complete: Callable[[Array], Array] = lambda x: np.zeros(0)
+    initial_slacks: Callable[[Array], Array] = lambda x: np.zeros(0)
     expand: bool = False
     derivatives: Derivatives | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -73,7 +73,7 @@ class NLP:
 
     def start(self, x: Array) -> Array:
         """A starting point of the NLP from the problem's own variables."""
-        return np.concatenate([x, self.complete(x)])
+        return np.concatenate([x, self.initial_slacks(x)])
 
     def violation(self, x: Array, g: Array) -> float:
         """Largest amount by which a bound is exceeded, >= 0; rows are scaled, variables in their own unit."""

@@ -170,7 +170,7 @@ def transcribe(
     upper_x = np.where(problem.inactive(scalarisation.names), problem.lower, problem.upper)
     functions = [casadi.Function("steps", [x], [s.differences]) for s in steps]
 
-    def complete(numbers: Array) -> Array:
+    def initial_slacks(numbers: Array) -> Array:
         sizes = [np.abs(np.array(function(numbers)).ravel()) for function in functions]
         return np.concatenate([np.zeros(len(extra)), *sizes])
 
@@ -192,7 +192,7 @@ def transcribe(
         rows=tuple(rows),
         labels=(*problem.labels, *labels),
         units=(*problem.units, *("-" for _ in labels)),
-        complete=complete,
+        initial_slacks=initial_slacks,
         expand=problem.tuning.expand,
         options=problem.tuning.solver_options,
         memory=problem.cached("solver memory", dict),
