@@ -7,7 +7,8 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from ocp_traj.cli.console import Rows, Sheet, count
+from ocp_traj.cli.console import Rows, Sheet
+from ocp_traj.display import count
 from ocp_traj.formulation.objective import rule_name
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.proof.verdicts import CHECKED, Audit, AuditRow

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from ocp_traj.curves.motion import Motion
-from ocp_traj.formulation.rows import Conflict
+if TYPE_CHECKING:
+    from ocp_traj.curves.motion import Motion
+    from ocp_traj.formulation.rows import Conflict
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.curves.bernstein import PiecewiseBezier
+from ocp_traj.display import Shown, count
 from ocp_traj.errors import ProblemDefinitionError, UnknownName, quoted
 from ocp_traj.formulation.about import About
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.requirements import PathConstraint, Requirements, state_function
 from ocp_traj.formulation.tuning import Tuning
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
 
@@ -74,8 +78,8 @@ class Decomposition:
     combine: Callable[[Sequence[Array]], Array]
 
 
-@dataclass(frozen=True, eq=False)
-class Problem:
+@dataclass(frozen=True, eq=False, repr=False)
+class Problem(Shown):
     """A trajectory optimisation problem: a path of named variables, objectives and limits.
 
     Attributes:
@@ -123,7 +127,7 @@ class Problem:
     tighten_slacks: Callable[[Array], Array] | None = None
     tuning: Tuning = Tuning()
     about: About = About()
-    _functions: dict[Hashable, Any] = field(default_factory=dict, repr=False, init=False)
+    _functions: dict[Hashable, Any] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         """Checks ids, terms and the curve's joints."""
@@ -248,6 +252,37 @@ class Problem:
         """Splits a decision vector into its named blocks."""
         blocks = np.split(np.asarray(x, dtype=float), np.cumsum([len(v.labels) for v in self.variables])[:-1])
         return {v.id: block for v, block in zip(self.variables, blocks, strict=True)}
+
+    def _headline(self) -> str:
+        return f"Problem {self.id}" + (f": {self.about.title}" if self.about.title else "")
+
+    def _facts(self) -> dict[str, str]:
+        limits = self.requirements
+        ids = [o.id for o in (*limits.path_constraints, *limits.point_constraints, *limits.duration_constraints)]
+        return {
+            "variables": f"{self.size}: {', '.join(v.id for v in self.variables)}",
+            "curve": ", ".join(filter(None, (count(limits.dof, "joint"), self.about.curve_kind))),
+            "objectives": ", ".join(f"{o.id} [{o.unit}]" for o in self.objectives),
+            "limits": ", ".join(ids),
+            "case": "" if self.case is None else repr(self.case),
+            "source": self.about.reference,
+        }
+
+    def _tables(self) -> list[pd.DataFrame]:
+        import pandas as pd  # slow to import, and wanted in a notebook alone
+
+        objectives = [(o.id, o.unit, o.sense, self.reference_point.get(o.id), o.eq) for o in self.objectives]
+        variables = [(v, (v.unit,) * len(v.labels)) for v in self.variables]
+        limits = [(c, c.units) for c in self.requirements.path_constraints]
+        tables = [pd.DataFrame(objectives, columns=["objective", "unit", "sense", "reference", "eq"])]
+        for kind, blocks in (("variable", variables), ("limit", limits)):
+            rows = [
+                (block.id, *row, block.eq)
+                for block, units in blocks
+                for row in zip(block.labels, block.lower, block.upper, units, strict=True)
+            ]
+            tables.append(pd.DataFrame(rows, columns=[kind, "of", "lower", "upper", "unit", "eq"]))
+        return tables
 
     def cached(self, key: Hashable, build: Callable[[], Any]) -> Any:
         """A compiled function kept with the problem, built on first use."""
