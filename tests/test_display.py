@@ -34,10 +34,11 @@ def solution() -> ot.Solution:
 def test_a_problem_shows_in_a_few_lines_and_as_tables(id: str) -> None:
     problem = problems.load(id)
     assert_short(problem, f"Problem {id}: {problem.about.title}", f"{problem.size}: ", "position-limit", "time [s]")
-    objectives, variables, limits = tables(problem)
-    assert [row[1] for row in objectives] == ["objective", *(o.id for o in problem.objectives)]
-    assert variables[0] == ["", "variable", "of", "lower", "upper", "unit", "eq"]
-    assert {row[1] for row in limits[1:]} == {c.id for c in problem.requirements.path_constraints}
+    variables, objectives, limits, points = tables(problem)
+    assert variables[0] == ["", "id", "label", "lower", "upper", "unit", "eq"]
+    assert [row[1] for row in objectives] == ["id", *(o.id for o in problem.objectives)]
+    assert {row[1] for row in limits[1:]} <= {c.id for c in problem.requirements.path_constraints} | {"..."}
+    assert [row[1] for row in points] == ["id", *(c.id for c in problem.requirements.point_constraints)]
 
 
 def test_a_problem_of_six_fields_shows_as_well() -> None:

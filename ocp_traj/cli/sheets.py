@@ -9,7 +9,6 @@ from typing import Any
 
 from ocp_traj.cli.console import Rows, Sheet
 from ocp_traj.display import count
-from ocp_traj.formulation.objective import rule_name
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.proof.verdicts import CHECKED, Audit, AuditRow
 from ocp_traj.reproductions.reproduce import Reproduction
@@ -49,53 +48,21 @@ def _notes(problem: Problem) -> list[Rows]:
 def problem_sheet(problem: Problem) -> Sheet:
     """A problem's case, variables, objectives and limits."""
     case = {f.name: getattr(problem.case, f.name) for f in fields(problem.case)} if is_dataclass(problem.case) else {}
-    variables = [
-        {"id": v.id, "label": label, "lower": float(low), "upper": float(high), "unit": v.unit, "eq": v.eq}
-        for v in problem.variables
-        for label, low, high in zip(v.labels, v.lower, v.upper, strict=True)
-    ]
-    objectives = [
-        {
-            "id": o.id,
-            "unit": o.unit,
-            "scale": o.scale,
-            "sense": o.sense,
-            "eq": o.eq,
-            "reference": problem.reference_point.get(o.id),
-            "integral by": rule_name(o.quadrature),
-        }
-        for o in problem.objectives
-    ]
-    limits = [
-        {"id": c.id, "label": label, "lower": float(low), "upper": float(high), "unit": unit, "eq": c.eq}
-        for c in problem.requirements.path_constraints
-        for label, low, high, unit in zip(c.labels, c.lower, c.upper, c.units, strict=True)
-    ]
-    points = [
-        {"id": c.id, "rows": len(c.labels), "instants": len(c.at), "tolerance": c.tolerance, "eq": c.eq}
-        for c in problem.requirements.point_constraints
-    ]
+    parts = problem.summary()
     data = {
         "problem": problem.id,
         "title": problem.about.title,
         "paper": problem.about.reference,
         "case": case,
-        "variables": variables,
-        "objectives": objectives,
-        "limits": limits,
-        "point_constraints": points,
+        **parts,
         "continuity": problem.requirements.continuity,
         "default_objective": problem.default_objective,
         "notes": list(problem.about.notes),
     }
     headline = f"{problem.id}: {problem.about.title}. {problem.about.reference}"
     tables: list[Rows] = [(headline, ["case field", "value"], list(case.items()))]
-    for title, rows in (
-        ("Variables", variables),
-        ("Objectives", objectives),
-        ("Limits, at every instant", limits),
-        ("Point constraints", points),
-    ):
+    titles = "Variables", "Objectives", "Limits, at every instant", "Point constraints"
+    for title, rows in zip(titles, parts.values(), strict=True):
         if rows:
             tables.append((title, list(rows[0]), [list(row.values()) for row in rows]))
     return Sheet(data, tables + _notes(problem))

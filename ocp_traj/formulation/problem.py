@@ -14,7 +14,7 @@ from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.display import Shown, count
 from ocp_traj.errors import ProblemDefinitionError, UnknownName, quoted
 from ocp_traj.formulation.about import About
-from ocp_traj.formulation.objective import Objective
+from ocp_traj.formulation.objective import Objective, rule_name
 from ocp_traj.formulation.requirements import PathConstraint, Requirements, state_function
 from ocp_traj.formulation.tuning import Tuning
 
@@ -63,6 +63,11 @@ class Variable:
                     f"variable {self.id!r}: the bounds of {label} are empty, lower {low:.9g} > upper {high:.9g} "
                     f"{self.unit}; widen them"
                 )
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each entry."""
+        return (self.unit,) * len(self.labels)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +199,7 @@ class Problem(Shown):
     @property
     def units(self) -> tuple[str, ...]:
         """Unit of each entry of x."""
-        return tuple(v.unit for v in self.variables for _ in v.labels)
+        return tuple(unit for v in self.variables for unit in v.units)
 
     def inactive(self, traded: Iterable[str]) -> NDArray[np.bool_]:
         """Which entries of x ``(n,)`` are slacks of objectives that are not among the traded ones."""
@@ -257,13 +262,11 @@ class Problem(Shown):
         return f"Problem {self.id}" + (f": {self.about.title}" if self.about.title else "")
 
     def _facts(self) -> dict[str, str]:
-        limits = self.requirements
-        ids = [o.id for o in (*limits.path_constraints, *limits.point_constraints, *limits.duration_constraints)]
         return {
             "variables": f"{self.size}: {', '.join(v.id for v in self.variables)}",
-            "curve": ", ".join(filter(None, (count(limits.dof, "joint"), self.about.curve_kind))),
+            "curve": ", ".join(filter(None, (count(self.requirements.dof, "joint"), self.about.curve_kind))),
             "objectives": ", ".join(f"{o.id} [{o.unit}]" for o in self.objectives),
-            "limits": ", ".join(ids),
+            "limits": ", ".join(self.requirements.ids),
             "case": "" if self.case is None else repr(self.case),
             "source": self.about.reference,
         }
@@ -271,18 +274,33 @@ class Problem(Shown):
     def _tables(self) -> list[pd.DataFrame]:
         import pandas as pd  # slow to import, and wanted in a notebook alone
 
-        objectives = [(o.id, o.unit, o.sense, self.reference_point.get(o.id), o.eq) for o in self.objectives]
-        variables = [(v, (v.unit,) * len(v.labels)) for v in self.variables]
-        limits = [(c, c.units) for c in self.requirements.path_constraints]
-        tables = [pd.DataFrame(objectives, columns=["objective", "unit", "sense", "reference", "eq"])]
-        for kind, blocks in (("variable", variables), ("limit", limits)):
-            rows = [
-                (block.id, *row, block.eq)
-                for block, units in blocks
-                for row in zip(block.labels, block.lower, block.upper, units, strict=True)
+        return [pd.DataFrame(rows) for rows in self.summary().values() if rows]
+
+    def summary(self) -> dict[str, list[dict[str, Any]]]:
+        """Rows of plain values for lists: ``variables``, ``objectives``, ``limits`` and ``point_constraints``."""
+
+        def bounds(blocks: Sequence[Variable | PathConstraint]) -> list[dict[str, Any]]:
+            return [
+                {"id": b.id, "label": label, "lower": float(low), "upper": float(high), "unit": unit, "eq": b.eq}
+                for b in blocks
+                for label, low, high, unit in zip(b.labels, b.lower, b.upper, b.units, strict=True)
             ]
-            tables.append(pd.DataFrame(rows, columns=[kind, "of", "lower", "upper", "unit", "eq"]))
-        return tables
+
+        objectives = [
+            {
+                "id": o.id, "unit": o.unit, "scale": o.scale, "sense": o.sense, "eq": o.eq,
+                "reference": self.reference_point.get(o.id), "integral by": rule_name(o.quadrature),
+            }
+            for o in self.objectives
+        ]  # fmt: skip
+        points = [
+            {"id": c.id, "rows": len(c.labels), "instants": len(c.at), "tolerance": c.tolerance, "eq": c.eq}
+            for c in self.requirements.point_constraints
+        ]
+        return {
+            "variables": bounds(self.variables), "objectives": objectives,
+            "limits": bounds(self.requirements.path_constraints), "point_constraints": points,
+        }  # fmt: skip
 
     def cached(self, key: Hashable, build: Callable[[], Any]) -> Any:
         """A compiled function kept with the problem, built on first use."""
