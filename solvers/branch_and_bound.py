@@ -338,7 +338,15 @@ class _Search:
         self._lagrangian = self._multipliers()
 
     def _multipliers(self) -> tuple[Array, Tape] | None:
-        """Multipliers at the solution, and the tape of the Lagrangian and its gradient over (z, T)."""
+        """Multipliers of the module's Lagrangian at the solution, and its tape; None where no row is active there.
+
+        Non-negative least squares on the stationarity conditions in z and T,
+        sum lambda_i dT_i/dz + sum mu_j de_j/dz = 0 and sum lambda_i - sum mu_j de_j/dT = 1.
+
+        Returns:
+            lambda of the active rows that scale, then mu of the others ``(active + others,)`` [-, s]; the tape
+            (y, u of the rows, u of the others, multipliers) -> L [s] and dL/dy ``(n,)``, with y = (z, T).
+        """
         rows, others, x = self.rows, self.others, self.solution.x
         z, total = x[1:] / x[0], float(x.sum())
         point, full = z[:, None], np.append(z, total)[:, None]
@@ -490,16 +498,6 @@ def _near_rows(problem: Problem, candidate: Trajectory, share: float = NEAR) -> 
                 if np.isfinite(bound) and signed(_peaks(signed, 1, 1)).max() > bound - share * limit.scale[row]:
                     found.append((limit.id, row, k, side))
     return found
-
-
-def _largest(problem: Problem, candidate: Trajectory, limit: PathConstraint, k: int, row: int, side: int) -> float:
-    """Largest value of a limit's row, or of its negative, on a segment; from samples and refinements."""
-
-    def signed(u: Array) -> Array:
-        values = limit_on(candidate, problem.requirements, limit, k, u.ravel())[row]
-        return np.asarray(side * values.reshape(u.shape))
-
-    return float(signed(_peaks(signed, 1, 1)).max())
 
 
 Pair = tuple[Any, Any]

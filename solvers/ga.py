@@ -19,7 +19,7 @@ from pymoo.operators.selection.tournament import TournamentSelection
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, quoted
-from ocp_traj.evolution.evolution import Evolution, Vectorised, evolve, require_sizes, single_objective, solution_of
+from ocp_traj.evolution.evolution import Evolution, PymooProblem, evolve, require_sizes, single_objective, solution_of
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.progress import Progress, silent
@@ -87,10 +87,10 @@ class GA:
             raise InputError(f"constraint handling is {quoted(self.handling)}; allowed for ga are feasibility, death")
 
     @one_blas_thread
-    def run(self, problem: Problem, name: str) -> tuple[Evolution, Vectorised]:
+    def run(self, problem: Problem, name: str) -> tuple[Evolution, PymooProblem]:
         """The run on one objective; Ctrl-C ends it early with what it has."""
         rng = np.random.default_rng(self.seed)
-        target = Vectorised(problem, [name], self.per_segment, self.handling, refine=True, scaling=self.scaling)
+        target = PymooProblem(problem, [name], self.per_segment, self.handling, refine=True, scaling=self.scaling)
         algorithm = PymooGA(
             pop_size=self.population,
             sampling=np.array([problem.guess(rng) for _ in range(self.population)]),

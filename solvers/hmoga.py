@@ -31,7 +31,7 @@ from pymoo.operators.mutation.pm import PM
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 from ocp_traj.evolution.elitism import ControlledElitism
-from ocp_traj.evolution.evolution import WORST, Vectorised, ended_after, evolve, require_sizes
+from ocp_traj.evolution.evolution import WORST, PymooProblem, ended_after, evolve, require_sizes
 from ocp_traj.evolution.generations import Watch
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent
@@ -136,7 +136,7 @@ class HMOGA:
         if ENDED_AFTER in info or "conflict" in info:
             return ParetoSet(ends.xs, "hmoga", self.seed, ends.seconds, info, ends.interrupted)
         rng = np.random.default_rng(self.seed)
-        target = Vectorised(problem, objectives, self.per_segment, tolerance=self.constraint_tolerance)
+        target = PymooProblem(problem, objectives, self.per_segment, tolerance=self.constraint_tolerance)
         first = self._first(problem, objectives, list(ends.xs), rng)
         watch = Watch(self.stall, self.function_tolerance, _box(target, first[: len(ends.xs)]))
         algorithm = PymooNSGA2(
@@ -191,7 +191,7 @@ class HMOGA:
     def _first(self, problem: Problem, objectives: Sequence[str], ends: list[Array], rng: np.random.Generator) -> Array:
         """The first generation ``(population, n)``: the ends, points between and around them, random points."""
         points = ends[: self.population]
-        idle = problem.idle(objectives)
+        inactive = problem.inactive(objectives)
         lower, upper = problem.lower, problem.upper
         while len(points) < self.population:
             if ends and len(points) < self.seeded * self.population:
@@ -203,11 +203,11 @@ class HMOGA:
                 x = np.clip(x + step * (upper - lower) * rng.standard_normal(problem.size), lower, upper)
             else:
                 x = problem.guess(rng)
-            points.append(np.where(idle, lower, x))
+            points.append(np.where(inactive, lower, x))
         return np.array(points)
 
 
-def _inside(target: Vectorised, xs: Array) -> list[Array]:
+def _inside(target: PymooProblem, xs: Array) -> list[Array]:
     """The points within the reference point, with nothing overlooked."""
     if not len(xs):
         return []
@@ -221,7 +221,7 @@ def _least_broken(pop: Any, count: int) -> list[Array]:
     return [np.array(pop[i].X, dtype=float) for i in order[: max(count, 0)]]
 
 
-def _box(target: Vectorised, ends: Array) -> Array | None:
+def _box(target: PymooProblem, ends: Array) -> Array | None:
     """Ideal of the ends and the problem's reference point, less is better; None where there is no reference."""
     if not np.isfinite(target.worst).all():
         return None

@@ -18,7 +18,7 @@ from pymoo.core.sampling import Sampling
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
-from ocp_traj.evolution.evolution import Vectorised, evolve, front_of, require_sizes
+from ocp_traj.evolution.evolution import PymooProblem, evolve, front_of, require_sizes
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.pareto_set import ParetoSet
@@ -87,7 +87,7 @@ class MOPSO:
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
         """The archive's feasible points; Ctrl-C ends it early with those it has."""
         rng = np.random.default_rng(self.seed)
-        target = Vectorised(problem, objectives, self.per_segment, "dominated")
+        target = PymooProblem(problem, objectives, self.per_segment, "dominated")
         start = np.array([problem.guess(rng) for _ in range(self.population)])
         if self.variant == "crowding":
             algorithm = MOPSO_CD(

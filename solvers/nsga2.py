@@ -15,7 +15,7 @@ from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.pm import PM
 
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.evolution.evolution import Vectorised, evolve, front_of, require_sizes
+from ocp_traj.evolution.evolution import PymooProblem, evolve, front_of, require_sizes
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.pareto_set import ParetoSet
@@ -57,7 +57,7 @@ class NSGA2:
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
         """The last generation's non-dominated feasible individuals; Ctrl-C ends it early with those it has."""
         rng = np.random.default_rng(self.seed)
-        target = Vectorised(problem, objectives, self.per_segment)
+        target = PymooProblem(problem, objectives, self.per_segment)
         algorithm = PymooNSGA2(
             pop_size=self.population,
             sampling=np.array([problem.guess(rng) for _ in range(self.population)]),

@@ -18,7 +18,7 @@ from pymoo.algorithms.soo.nonconvex.pso import PSO as PymooPSO
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, quoted
-from ocp_traj.evolution.evolution import Evolution, Vectorised, evolve, require_sizes, single_objective, solution_of
+from ocp_traj.evolution.evolution import Evolution, PymooProblem, evolve, require_sizes, single_objective, solution_of
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.progress import Progress, silent
@@ -108,10 +108,10 @@ class PSO:
             )
 
     @one_blas_thread
-    def run(self, problem: Problem, name: str) -> tuple[Evolution, Vectorised]:
+    def run(self, problem: Problem, name: str) -> tuple[Evolution, PymooProblem]:
         """The swarm's run on one objective; Ctrl-C ends it early with what it has."""
         rng = np.random.default_rng(self.seed)
-        target = Vectorised(problem, [name], self.per_segment, self.handling, self.weight, refine=True)
+        target = PymooProblem(problem, [name], self.per_segment, self.handling, self.weight, refine=True)
         schedule = SCHEDULES[self.schedule]
         algorithm = PymooPSO(
             pop_size=self.population,

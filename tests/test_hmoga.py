@@ -14,7 +14,7 @@ from ocp_traj.cli import sheets
 from ocp_traj.cli.commands import run
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.evolution.elitism import ControlledElitism, places_of_ranks
-from ocp_traj.evolution.evolution import Vectorised
+from ocp_traj.evolution.evolution import PymooProblem
 from ocp_traj.evolution.generations import Watch, best_points, crowding_distances, spread
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.results.front import Front
@@ -362,7 +362,7 @@ def test_the_tolerance_is_overlooked_in_a_generation() -> None:
     excess = []
     for tolerance in (0.0, 1e-6):
         out: dict[str, np.ndarray] = {}
-        Vectorised(problem, ["time", "effort"], 5, tolerance=tolerance)._evaluate(slow, out)
+        PymooProblem(problem, ["time", "effort"], 5, tolerance=tolerance)._evaluate(slow, out)
         excess.append(float(out["excess"][0]))
     assert excess[0] > 0.0 == excess[1]
 

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from ocp_traj.errors import InputError, NoSolutionFound, UnknownName
-from ocp_traj.evolution.evolution import WORST, Vectorised, _gains
+from ocp_traj.evolution.evolution import WORST, PymooProblem, _gains
 from ocp_traj.evolution.population import Population
 from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.solvers.mopso import MOPSO
@@ -81,7 +81,7 @@ def test_an_objective_to_be_maximised_is_maximised() -> None:
 
 def test_an_individual_of_nan_gets_finite_values_and_a_large_violation() -> None:
     problem = mixed_problem()
-    target = Vectorised(problem, ["time", "rough"], 5)
+    target = PymooProblem(problem, ["time", "rough"], 5)
     x = np.array([problem.guess(np.random.default_rng(s)) for s in range(3)])
     x[1, 4] = np.nan
     out: dict[str, np.ndarray] = {}
@@ -97,7 +97,7 @@ def test_an_individual_of_nan_gets_finite_values_and_a_large_violation() -> None
 def test_a_zero_duration_cannot_reach_the_front() -> None:
     """Division by T = 0 makes the limits infinite or NaN, though the objective T1 + T2 is a sound 0."""
     problem = stairs_problem()
-    target = Vectorised(problem, ["time"], 5)
+    target = PymooProblem(problem, ["time"], 5)
     out: dict[str, np.ndarray] = {}
     with np.errstate(all="ignore"):
         target._evaluate(np.zeros((1, 2)), out)
@@ -120,10 +120,10 @@ def test_the_seed_decides_evolution_as_well_as_the_first_generation(hybrid: Prob
 def test_a_reference_point_bounds_a_front_but_not_a_single_objective() -> None:
     problem = quintic_problem()
     rows = sum(len(limit.labels) for limit in problem.requirements.path_constraints)
-    assert Vectorised(problem, ["time", "effort"], 5).n_ieq_constr == rows + 2
-    assert Vectorised(problem, ["time"], 5).n_ieq_constr == rows
+    assert PymooProblem(problem, ["time", "effort"], 5).n_ieq_constr == rows + 2
+    assert PymooProblem(problem, ["time"], 5).n_ieq_constr == rows
     out: dict[str, np.ndarray] = {}
-    Vectorised(problem, ["time", "effort"], 5)._evaluate(np.array([[5.0]]), out)
+    PymooProblem(problem, ["time", "effort"], 5)._evaluate(np.array([[5.0]]), out)
     assert out["G"][0, -2] == pytest.approx((5.0 - 4.0) / 2.0)  # over the scale of time
     assert out["G"][0, -1] < 0.0
 

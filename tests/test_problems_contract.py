@@ -87,7 +87,7 @@ def test_every_variable_has_a_label_a_unit_and_bounds_with_room(problem: Problem
 
 def test_the_problem_says_what_it_is(problem: Problem) -> None:
     assert problem.id in problems.names()
-    assert problem.title and problem.reference and problem.curve_kind
+    assert problem.about.title and problem.about.reference and problem.about.curve_kind
     assert type(problem.case) is problems.case_class(problem.id)
     assert "Deviations" in (problems.module(problem.id).__doc__ or "")
     assert problem.default_objective in {o.id for o in problem.objectives}
@@ -172,7 +172,7 @@ def test_an_nlp_has_the_total_variation_from_node_to_node(problem: Problem) -> N
             turning = [
                 Instant(objective.id, k, u, (row,))
                 for k in range(len(direct.segments))
-                for row, instants in enumerate(direct.turning(objective, k))
+                for row, instants in enumerate(direct.turning_points(objective, k))
                 for u in instants
             ]
             for instants, complete in (((), False), (turning, True)):

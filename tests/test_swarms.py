@@ -12,7 +12,7 @@ import ocp_traj as ot
 from ocp_traj import problems
 from ocp_traj.cli.commands import run
 from ocp_traj.errors import InputError, NoSolutionFound
-from ocp_traj.evolution.evolution import HANDLING, WORST, Vectorised
+from ocp_traj.evolution.evolution import HANDLING, WORST, PymooProblem
 from ocp_traj.evolution.population import Population
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import WeightedSum
@@ -121,7 +121,7 @@ def test_a_weighted_sum_is_refused(rotor: Problem) -> None:
 
 @pytest.mark.parametrize("handling", HANDLING)
 def test_a_feasible_individual_is_as_it_is_and_a_broken_one_is_worse(handling: str, rotor: Problem) -> None:
-    target = Vectorised(rotor, ["time"], 15, handling)
+    target = PymooProblem(rotor, ["time"], 15, handling)
     x = np.array([[1.0, 2.0, 1.0], [0.4, 0.8, 0.3], [0.2, 0.5, 0.2]])
     out: dict[str, Any] = {}
     target._evaluate(x, out)

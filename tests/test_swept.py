@@ -1,6 +1,6 @@
 """Limits that hold for all places along a link as well as at all times: proofs, attacks on them, and an NLP."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import casadi
@@ -14,6 +14,7 @@ from ocp_traj.formulation.objective import Objective, gauss
 from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.formulation.requirements import SWEEP, PathConstraint, Requirements, State
 from ocp_traj.formulation.scalarise import WeightedSum
+from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.proof.audit import audit
 from ocp_traj.proof.values import limit_on, swept_on
 from ocp_traj.proof.verdicts import PROVED, UNDECIDED, VIOLATED
@@ -159,14 +160,14 @@ def arm() -> Problem:
     )
     bounds = np.full(4, 8.0)
     return Problem(
-        id="arm", title="", reference="", case=Plain(), robot=None,
+        id="arm", case=Plain(),
         variables=(Variable("P", -bounds, bounds, "rad", ("a", "b", "c", "d")),),
         curve=curve,
         objectives=(
             Objective("speed", "rad2/s", integrand=lambda s: casadi.sumsqr(s.v), quadrature=gauss(8)),
         ),
         requirements=Requirements(JOINTS, ("rad", "rad"), (limit,)),
-        guess=lambda r: r.normal(size=4), default_objective="speed", instants=16,
+        guess=lambda r: r.normal(size=4), tuning=Tuning(instants=16),
     )  # fmt: skip
 
 

@@ -296,7 +296,7 @@ def test_most_starts_of_a_branch_end_in_its_best_optimum(wrist: Problem) -> None
     best, *others = solution.optima
     assert best.solution.f == approx(BLOCKED, abs=1e-7) and best.starts > 10
     assert others and min(o.solution.f for o in others) == approx(7.62946, abs=1e-5)
-    assert len({o.way for o in solution.optima}) > 1
+    assert len({o.homotopy_class for o in solution.optima}) > 1
     for optimum in solution.optima:
         check(wrist, optimum.solution.x)
 
@@ -504,7 +504,7 @@ def test_time_scaling_needs_a_problem_that_scales(wrist: Problem) -> None:
         TimeScaling(replace(wrist, dilate=None))
 
 
-def test_auxiliary_variables_take_no_part_in_a_population(wrist: Problem) -> None:
+def test_slacks_of_objectives_take_no_part_in_a_population(wrist: Problem) -> None:
     """The least clearance asked for is no gene of the fitness: it stays at the least."""
     solution = GA(seed=1, population=40, generations=8, scaling=True).solve(wrist, FITNESS)
     assert solution.x[9] == 0.0 and solution.audit is not None and solution.audit.proved

@@ -69,11 +69,6 @@ def progress(title: str) -> Iterator[progress_module.Progress]:
         yield lambda done, total, words: bar.update(task, completed=done, total=total or None, words=words)
 
 
-def count(number: int, what: str) -> str:
-    """A number of things, in words."""
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
 def text(value: Any) -> str:
     """A value as a cell of a table shows it."""
     if isinstance(value, bool) or value is None:

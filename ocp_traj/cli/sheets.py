@@ -7,8 +7,8 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from ocp_traj.cli.console import Rows, Sheet, count
-from ocp_traj.formulation.objective import rule_name
+from ocp_traj.cli.console import Rows, Sheet
+from ocp_traj.display import count
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.proof.verdicts import CHECKED, Audit, AuditRow
 from ocp_traj.reproductions.reproduce import Reproduction
@@ -24,14 +24,14 @@ def problem_list(problems: Sequence[Problem]) -> Sheet:
     data = [
         {
             "id": p.id,
-            "title": p.title,
+            "title": p.about.title,
             "robot": f"{p.robot.model.name}, {p.requirements.dof} joints"
             if p.robot
             else f"{p.requirements.dof} joints",
-            "curve": p.curve_kind,
+            "curve": p.about.curve_kind,
             "variables": p.size,
             "objectives": [o.id for o in p.objectives],
-            "paper": p.reference,
+            "paper": p.about.reference,
         }
         for p in problems
     ]
@@ -41,59 +41,28 @@ def problem_list(problems: Sequence[Problem]) -> Sheet:
 
 def _notes(problem: Problem) -> list[Rows]:
     """What the case fills in where the paper says nothing."""
-    return [("Not in the paper", ["this case has"], [[note] for note in problem.notes])] if problem.notes else []
+    notes = [[note] for note in problem.about.notes]
+    return [("Not in the paper", ["this case has"], notes)] if notes else []
 
 
 def problem_sheet(problem: Problem) -> Sheet:
     """A problem's case, variables, objectives and limits."""
     case = {f.name: getattr(problem.case, f.name) for f in fields(problem.case)} if is_dataclass(problem.case) else {}
-    variables = [
-        {"id": v.id, "label": label, "lower": float(low), "upper": float(high), "unit": v.unit, "eq": v.eq}
-        for v in problem.variables
-        for label, low, high in zip(v.labels, v.lower, v.upper, strict=True)
-    ]
-    objectives = [
-        {
-            "id": o.id,
-            "unit": o.unit,
-            "scale": o.scale,
-            "sense": o.sense,
-            "eq": o.eq,
-            "reference": problem.reference_point.get(o.id),
-            "integral by": rule_name(o.quadrature),
-        }
-        for o in problem.objectives
-    ]
-    limits = [
-        {"id": c.id, "label": label, "lower": float(low), "upper": float(high), "unit": unit, "eq": c.eq}
-        for c in problem.requirements.path_constraints
-        for label, low, high, unit in zip(c.labels, c.lower, c.upper, c.units, strict=True)
-    ]
-    points = [
-        {"id": c.id, "rows": len(c.labels), "instants": len(c.at), "tolerance": c.tolerance, "eq": c.eq}
-        for c in problem.requirements.point_constraints
-    ]
+    parts = problem.summary()
     data = {
         "problem": problem.id,
-        "title": problem.title,
-        "paper": problem.reference,
+        "title": problem.about.title,
+        "paper": problem.about.reference,
         "case": case,
-        "variables": variables,
-        "objectives": objectives,
-        "limits": limits,
-        "point_constraints": points,
+        **parts,
         "continuity": problem.requirements.continuity,
         "default_objective": problem.default_objective,
-        "notes": list(problem.notes),
+        "notes": list(problem.about.notes),
     }
-    headline = f"{problem.id}: {problem.title}. {problem.reference}"
+    headline = f"{problem.id}: {problem.about.title}. {problem.about.reference}"
     tables: list[Rows] = [(headline, ["case field", "value"], list(case.items()))]
-    for title, rows in (
-        ("Variables", variables),
-        ("Objectives", objectives),
-        ("Limits, at every instant", limits),
-        ("Point constraints", points),
-    ):
+    titles = "Variables", "Objectives", "Limits, at every instant", "Point constraints"
+    for title, rows in zip(titles, parts.values(), strict=True):
         if rows:
             tables.append((title, list(rows[0]), [list(row.values()) for row in rows]))
     return Sheet(data, tables + _notes(problem))
@@ -162,7 +131,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
     solved = solution.audit is not None
     variables = {name: block.tolist() for name, block in problem.unpack(solution.x).items()} if solved else {}
     found = solution.trajectory
-    figures = problem.figures(found) if problem.figures is not None and found is not None else ()
+    figures = problem.about.figures(found) if problem.about.figures is not None and found is not None else ()
     data = {
         "problem": problem.id,
         "status": solution.status.value,
@@ -192,7 +161,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         "audit": audit_values(solution.audit) if solution.audit is not None else {"verdict": None, "rows": []},
         "detail": solution.detail,
         "interrupted": solution.interrupted,
-        "notes": list(problem.notes),
+        "notes": list(problem.about.notes),
         "figures": [{"name": n, "value": v, "unit": u} for n, v, u in figures],
     }
     if solution.alternatives:
@@ -202,7 +171,10 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         ]
     if solution.optima:
         data["optima"] = [
-            {**_outcome(problem, o.solution), "way": o.way, "starts": o.starts, "sampled": o.sampled}
+            {
+                **_outcome(problem, o.solution),
+                "homotopy_class": o.homotopy_class, "starts": o.starts, "sampled": o.sampled,
+            }
             for o in solution.optima
         ]  # fmt: skip
     effort = f"{solution.seconds:.2f} s, {count(solution.rounds, 'round')}, {count(solution.iterations, 'iteration')}"
@@ -229,14 +201,14 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         tables.append(("Alternatives", ["alternative", *names, "verdict", "chosen"], lines))
     if solution.optima:
         lines = [
-            [i, *_outcome_cells(problem, o.solution), o.starts, o.sampled, o.way]
+            [i, *_outcome_cells(problem, o.solution), o.starts, o.sampled, o.homotopy_class]
             for i, o in enumerate(solution.optima, 1)
         ]
         sampled = sum(o.sampled for o in solution.optima)
         title = (
             f"{len(lines)} local optima, best first; {sampled} of the problem sampled at its first instants led to them"
         )
-        tables.append((title, ["optimum", *names, "verdict", "starts", "sampled", "way"], lines))
+        tables.append((title, ["optimum", *names, "verdict", "starts", "sampled", "homotopy class"], lines))
     return Sheet(data, tables + _notes(problem))
 
 
@@ -280,7 +252,7 @@ def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
         "spread": front.spread(),
         "knee": knee,
         "info": dict(front.info),
-        "notes": list(front.problem.notes),
+        "notes": list(front.problem.about.notes),
         "run": str(folder),
         "picture": str(folder / "front.png"),
     }

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pymoo.core.problem
 from numpy.typing import NDArray
-from pymoo.core.problem import Problem as PymooProblem
 
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.evolution.population import Population
@@ -49,7 +49,7 @@ def require_sizes(population: int, generations: int, least: int = 4) -> None:
         )
 
 
-class Vectorised(PymooProblem):  # type: ignore[misc]  # pymoo is untyped
+class PymooProblem(pymoo.core.problem.Problem):  # type: ignore[misc]  # pymoo is untyped
     """A problem as pymoo sees it: a generation a call, every limit a constraint, objectives to be minimised.
 
     Attributes:
@@ -72,7 +72,7 @@ class Vectorised(PymooProblem):  # type: ignore[misc]  # pymoo is untyped
         # Of a curve of high degree fewer instants hide too much: evolution goes where nobody looks.
         self.population = Population(problem, objectives, max(per_segment, *degrees(problem)), refine)
         self.scaling = TimeScaling(problem) if scaling else None
-        self.idle, self.least = problem.idle(objectives), problem.lower
+        self.inactive, self.least = problem.inactive(objectives), problem.lower
         chosen = [problem.objective(name) for name in objectives]
         self.signs = np.array([1.0 if o.sense == "min" else -1.0 for o in chosen])
         self.scales = np.array([o.scale for o in chosen])
@@ -93,9 +93,9 @@ class Vectorised(PymooProblem):  # type: ignore[misc]  # pymoo is untyped
     def meant(self, x: Array) -> Array:
         """Individuals ``(N, n)``, as they are evaluated.
 
-        Auxiliary variables of objectives that are not traded are put where they ask least; time is scaled if wanted.
+        Slacks of objectives that are not traded are put at their lower bounds; time is scaled if wanted.
         """
-        fixed = np.where(self.idle, self.least, x)
+        fixed = np.where(self.inactive, self.least, x)
         return fixed if self.scaling is None else self.scaling.apply(fixed)
 
     def _evaluate(self, x: Array, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
@@ -153,7 +153,7 @@ class Evolution:
 
 
 def evolve(
-    algorithm: Any, target: Vectorised, generations: int, seed: int, max_seconds: float, progress: Progress,
+    algorithm: Any, target: PymooProblem, generations: int, seed: int, max_seconds: float, progress: Progress,
     before: Any = None, after: Callable[[Any], bool] | None = None, found: Found = ignore,
 ) -> Evolution:  # fmt: skip
     """Runs a pymoo algorithm for some generations, or some time; Ctrl-C ends it early with what it has.
@@ -225,7 +225,7 @@ def _gains(values: Array, on: Array) -> bool:
     return bool(np.any(np.all(better, axis=1)))
 
 
-def _best(algorithm: Any, target: Vectorised) -> Array:
+def _best(algorithm: Any, target: PymooProblem) -> Array:
     """The feasible and non-dominated individuals ``(M, n)``, as they are evaluated."""
     best = algorithm.opt
     if best is None or not len(best) or not best.has("excess"):
@@ -240,7 +240,7 @@ def _tell(found: Found, best: Array) -> None:
 
 
 def front_of(
-    run: Evolution, target: Vectorised, problem: Problem, method: str, seed: int, population: int, generations: int
+    run: Evolution, target: PymooProblem, problem: Problem, method: str, seed: int, population: int, generations: int
 ) -> ParetoSet:
     """The Pareto set of a run; raises ``NoSolutionFound`` where nothing is feasible, unless it was interrupted."""
     if not len(run.best) and not run.interrupted:
@@ -265,7 +265,7 @@ def ended_after(run: Evolution, generations: int) -> dict[str, str]:
 
 
 def solution_of(
-    run: Evolution, target: Vectorised, problem: Problem, name: str, method: str, population: int, generations: int
+    run: Evolution, target: PymooProblem, problem: Problem, name: str, method: str, population: int, generations: int
 ) -> Solution:
     """The best individual, slowed down until it is proved where that can be done: feasible, with no claim beyond that.
 

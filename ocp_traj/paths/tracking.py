@@ -21,14 +21,16 @@ from ocp_traj.robot.robot import Robot
 
 Array = NDArray[np.float64]
 
-SAMPLES = 7  # places a piece: our choice, as the next four
-PLACE = 1e-3  # [m] of error, which count as much as
-TILT = 0.05  # [rad] of the torch,
-RATE = 5.0  # [rad] a piece,
-SNAP = 500.0  # [rad] a piece^4: small enough that places and tilts come out right
-
-
-STAGES = (300.0, 30.0, 1.0)  # places and tilts count less at first, so that the arm comes as it stands
+SAMPLES = 7  # of the path a piece; our choice, as all that follow
+# Units of the residuals, each of weight one. The last two regularise the torch's spin: large, so that they hardly move
+# place and tilt.
+PLACE = 1e-3  # [m] error of the tool's place
+TILT = 0.05  # [rad] angle between torch and axis
+RATE = 5.0  # [rad] dq/du
+SNAP = 500.0  # [rad] d4q/du4
+# Factors on the units of place and tilt, one fit each: a continuation from a regularised fit, which keeps the posture
+# of the start, to the wanted one.
+STAGES = (300.0, 30.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)

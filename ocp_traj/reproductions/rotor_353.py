@@ -27,8 +27,6 @@ STARTS = 3  # random starts of IPOPT: our choice
 PRINTED = 0.0005  # [deg], half a unit of Table 2's last digit
 SIGNS = {False: "corrected sign", True: "printed sign"}
 TIMINGS = {"synchronised": "all joints together", "per_joint": "every joint alone"}
-# v_max and a_max: two numbers for all joints, or two shares of the maker's speeds.
-FAMILIES = {"one pair of limits": np.ones(6), "shares of the maker's speeds": np.array(paper.VELOCITY)}
 FREE = {"position_limits": False, "effort_limits": False}  # (14) and (15) are the paper's limits
 
 
@@ -67,7 +65,7 @@ def run(seeds: int, progress: Progress) -> Reproduction:
     recipe = results[f"{TIMINGS['per_joint']}, {SIGNS[True]}"]
     assert isinstance(recipe, Solution)
     errata = (*sheet.errata, *equation_errata(excess(recipe)))
-    return Reproduction("rotor-353", plain.reference, tuple(sheet.comparisons), errata, tuple(runs), extra)
+    return Reproduction("rotor-353", plain.about.reference, tuple(sheet.comparisons), errata, tuple(runs), extra)
 
 
 # --- tables ---

@@ -18,7 +18,7 @@ from pymoo.operators.mutation.pm import PM
 from ocp_traj import api, problems
 from ocp_traj.errors import NoSolutionFound
 from ocp_traj.evolution.elitism import ControlledElitism
-from ocp_traj.evolution.evolution import Vectorised, evolve, front_of
+from ocp_traj.evolution.evolution import PymooProblem, evolve, front_of
 from ocp_traj.evolution.generations import crowding_distances, spread
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.problems import kr90
@@ -86,7 +86,7 @@ def run(seeds: int, progress: Progress) -> Reproduction:
     progress(total, total, "done")
     errata = equation_errata(signed_torques(*solved["air move"]))
     return Reproduction(
-        "weld-bezier", seam.reference, tuple(sheet.comparisons), (*sheet.errata, *errata), tuple(runs), extra
+        "weld-bezier", seam.about.reference, tuple(sheet.comparisons), (*sheet.errata, *errata), tuple(runs), extra
     )
 
 
@@ -102,7 +102,7 @@ def quality(solved: dict[str, tuple[Problem, Solution]]) -> pd.DataFrame:
         for limit in problem.requirements.path_constraints:
             worst = min((row for row in found.audit.rows if row.limit == limit.id), key=lambda row: row.margin)
             rows[f"{limit.id}, share used"] = f"{1.0 - worst.margin:.4f} ({worst.label})"
-        for name, value, unit in problem.figures(found.trajectory) if problem.figures is not None else ():
+        for name, value, unit in problem.about.figures(found.trajectory) if problem.about.figures is not None else ():
             rows[f"{name} [{unit}]"] = f"{value:.4g}"
         for order, jump in zip(("q", "v", "a", "jerk", "snap"), jumps(found.trajectory), strict=True):
             rows[f"jump of {order} at the tags, of its largest value"] = f"{jump:.1g}"
@@ -198,7 +198,7 @@ def fronts(problem: Problem, seeds: int, runs: list[Run], told: Callable[[str], 
 def evolution_alone(recipe: HMOGA, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
     """The hybrid's genetic algorithm with nothing of IPOPT's: its first generation is random, nothing is refined."""
     rng = np.random.default_rng(recipe.seed)
-    target = Vectorised(problem, objectives, recipe.per_segment, tolerance=recipe.constraint_tolerance)
+    target = PymooProblem(problem, objectives, recipe.per_segment, tolerance=recipe.constraint_tolerance)
     algorithm = PymooNSGA2(
         pop_size=recipe.population,
         sampling=np.array([problem.guess(rng) for _ in range(recipe.population)]),

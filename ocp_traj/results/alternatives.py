@@ -29,11 +29,12 @@ def best_front(fronts: Mapping[str, Front], names: Iterable[str]) -> Front:
     worths = {name: worth(name) for name in fronts}
     best = max(worths, key=lambda name: worths[name])
     chosen = fronts[best]
+    missed = {name: count_not_dominated(chosen, front) for name, front in fronts.items()}
     others = {
         name: {
             "points": len(fronts[name]) if name in fronts else 0,
             "hypervolume": worths.get(name, 0.0),
-            "points not dominated by the chosen front": _beyond(chosen, fronts[name]) if name in fronts else 0,
+            "points not dominated by the chosen front": missed.get(name, 0),
         }
         for name in names
     }
@@ -47,8 +48,8 @@ def best_front(fronts: Mapping[str, Front], names: Iterable[str]) -> Front:
     return replace(chosen, seconds=seconds, info=info)
 
 
-def _beyond(front: Front, other: Front) -> int:
-    """How many points of another front none of this front is as good as in every objective."""
+def count_not_dominated(front: Front, other: Front) -> int:
+    """How many points of another front no point of this one weakly dominates; both trade the same objectives."""
     if front is other or not len(other):
         return 0
     signs = np.array([1.0 if o.sense == "min" else -1.0 for o in front.traded])

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from ocp_traj.display import Shown, count
 from ocp_traj.errors import InputError
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
@@ -74,8 +75,8 @@ class Hypervolume:
         return {**vars(self), "own_ideal": self.own_ideal}
 
 
-@dataclass(frozen=True, eq=False)
-class Front:
+@dataclass(frozen=True, eq=False, repr=False)
+class Front(Shown):
     """Trajectories none of which is better than another in all traded objectives.
 
     Attributes:
@@ -139,6 +140,26 @@ class Front:
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def _headline(self) -> str:
+        words = ", ".join(f"{n} {verdict}" for verdict, n in Counter(point.verdict for point in self.points).items())
+        return f"Front of {self.problem.id}: {count(len(self), 'point')}{', ' if words else ''}{words}"
+
+    def _facts(self) -> dict[str, str]:
+        ends = zip(self.traded, self.values.T, strict=True)
+        return {
+            "objectives": ", ".join(
+                f"{o.id} [{o.unit}]{f' {v.min():.6g} to {v.max():.6g}' if len(self) else ''} ({o.sense})"
+                for o, v in ends
+            ),
+            "method": self.method + ("" if self.seed is None else f", seed {self.seed}") + f", {self.seconds:.2f} s",
+            "left out": ", ".join(f"{n} {why}" for why, n in self.info.get("dropped", {}).items() if n),
+        }
+
+    def _tables(self) -> list[pd.DataFrame]:
+        """Without the variables."""
+        table, first = self.table, len(self.columns) - self.problem.size
+        return [table.iloc[:, [*range(first), -2, -1]]]
 
     @property
     def traded(self) -> tuple[Objective, ...]:

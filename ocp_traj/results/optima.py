@@ -20,7 +20,7 @@ def distinct(problem: Problem, solutions: Sequence[Solution], solves: int = 1) -
     """The distinct ones among converged solutions, best first; ``solves`` solutions belong to each start.
 
     Two are one optimum where their values agree to ``SAME_VALUE`` and either their curves to ``SAME_CURVE`` or, where
-    the problem has a word for it, the ways they take: a joint that an objective does not see makes a continuum of them.
+    the problem tells them apart, their homotopy classes: a joint that an objective does not see makes a continuum.
     """
     found: list[Optimum] = []
     ended: list[set[int]] = []  # which starts
@@ -28,14 +28,13 @@ def distinct(problem: Problem, solutions: Sequence[Solution], solves: int = 1) -
     usable = [(start, s) for start, s in all_own if s.status is Status.SOLVED and s.trajectory]
     proved_first = sorted(usable, key=lambda entry: (entry[1].audit is None or not entry[1].audit.proved, entry[1].f))
     for start, solution in proved_first:
-        assert solution.trajectory is not None
-        way = problem.homotopy(solution.trajectory) if problem.homotopy is not None else ""
+        one = _optimum(problem, solution)
         for known, starts in zip(found, ended, strict=True):
-            if known.solution is solution or _same(known, solution, way):
+            if known.solution is solution or _same(known, one):
                 starts.add(start)
                 break
         else:
-            found.append(Optimum(solution, 1, way))
+            found.append(one)
             ended.append({start})
     counted = [replace(optimum, starts=len(starts)) for optimum, starts in zip(found, ended, strict=True)]
     return tuple(sorted(counted, key=lambda optimum: optimum.solution.f))
@@ -49,22 +48,29 @@ def with_sampled(
     for first, solution in pairs:
         if solution.status is not Status.SOLVED or solution.trajectory is None:
             continue
-        way = problem.homotopy(solution.trajectory) if problem.homotopy is not None else ""
+        one = _optimum(problem, solution)
         for optimum, seen in zip(optima, values, strict=True):
-            if optimum.solution is solution or _same(optimum, solution, way):
+            if optimum.solution is solution or _same(optimum, one):
                 if all(abs(first.f - value) > SAME_VALUE * max(abs(value), 1e-300) for value in seen):
                     seen.append(first.f)
                 break
     return tuple(replace(optimum, sampled=len(seen)) for optimum, seen in zip(optima, values, strict=True))
 
 
-def _same(known: Optimum, solution: Solution, way: str) -> bool:
-    if abs(known.solution.f - solution.f) > SAME_VALUE * max(abs(solution.f), 1e-300):
+def _optimum(problem: Problem, solution: Solution) -> Optimum:
+    """A solution with a trajectory, as the optimum that one start has led to."""
+    motion, tell = solution.trajectory, problem.about.homotopy_class
+    return Optimum(solution, 1, tell(motion) if tell is not None and motion is not None else "")
+
+
+def _same(known: Optimum, other: Optimum) -> bool:
+    one, two = known.solution, other.solution
+    if abs(one.f - two.f) > SAME_VALUE * max(abs(two.f), 1e-300):
         return False
-    if way:
-        return known.way == way
-    assert known.solution.trajectory is not None and solution.trajectory is not None
-    return distance(known.solution.trajectory.curve, solution.trajectory.curve) <= SAME_CURVE
+    if other.homotopy_class:
+        return known.homotopy_class == other.homotopy_class
+    assert one.trajectory is not None and two.trajectory is not None
+    return distance(one.trajectory.curve, two.trajectory.curve) <= SAME_CURVE
 
 
 def distance(one: PiecewiseBezier, other: PiecewiseBezier) -> float:

@@ -8,6 +8,7 @@ from typing import Any, Self
 
 import pandas as pd
 
+from ocp_traj.display import Shown, count
 from ocp_traj.proof.verdicts import Audit
 from ocp_traj.results.trajectory import Trajectory
 from ocp_traj.rounding import rounded_down, rounded_up
@@ -50,8 +51,8 @@ class Certificate:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Solution(NLPResult):
+@dataclass(frozen=True, eq=False, repr=False)
+class Solution(Shown, NLPResult):
     """What a solver found; its x are the problem's own variables.
 
     Attributes:
@@ -97,6 +98,36 @@ class Solution(NLPResult):
             return f"{self.name}: {self.audit.explain()} ({self.detail})"
         return super().explain()
 
+    def _headline(self) -> str:
+        return f"Solution of {self.name}: {self.status.value}"
+
+    def _facts(self) -> dict[str, str]:
+        return {
+            "objectives": ", ".join(f"{name} {value:.6g} {unit}".rstrip(" -") for name, value, unit in self._values()),
+            "outcome": self.audit.explain() if self.audit is not None else self.explain(),
+            "optimality": self.certificate.explain() if self.certificate is not None else "",
+            "effort": ", ".join(
+                (
+                    count(self.starts, "start"),
+                    count(self.rounds, "round"),
+                    count(self.iterations, "iteration"),
+                    f"{self.seconds:.2f} s",
+                )
+            ),
+            "optima": str(len(self.optima) or ""),
+            "interrupted": self.interrupted,
+        }
+
+    def _values(self) -> list[tuple[str, float, str]]:
+        """Name, value and, where the problem is at hand, unit of each objective."""
+        origin = self.trajectory.origin if self.trajectory is not None else None
+        units = {o.id: o.unit for o in origin.objectives} if origin is not None else {}
+        return [(name, value, units.get(name, "")) for name, value in self.objectives.items()]
+
+    def _tables(self) -> list[pd.DataFrame]:
+        values = pd.DataFrame(self._values(), columns=["objective", "value", "unit"])
+        return [values] if self.audit is None else [values, self.audit.table]
+
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
@@ -105,11 +136,11 @@ class Optimum:
     Attributes:
         solution: the best of those that ended there.
         starts: how many ended there.
-        way: the problem's word for the way it takes (``Problem.homotopy``), or none.
+        homotopy_class: which it is in, by ``About.homotopy_class``; empty where the problem tells none apart.
         sampled: how many distinct local optima of the first NLP, which sees the first instants only, led there.
     """
 
     solution: Solution
     starts: int
-    way: str = ""
+    homotopy_class: str = ""
     sampled: int = 0

@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from ocp_traj.curves.bernstein import PiecewiseBezier
-from ocp_traj.curves.motion import Motion
+from ocp_traj.curves.motion import COLUMNS, Motion
+from ocp_traj.display import Shown, count
 from ocp_traj.errors import FileFormatError, InputError, cut, quoted
 from ocp_traj.files import read_json, write_text
 from ocp_traj.formulation.problem import Problem
@@ -32,8 +34,8 @@ SPLINE_FORMAT = "ocp-traj/spline/1"
 HIGHEST_DEGREE = 60  # of a file's segments: our choice; of higher ones rounding leaves nothing
 
 
-@dataclass(frozen=True, eq=False)
-class Trajectory(Motion):
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(Shown, Motion):
     """A motion with the problem, case and variables it came from.
 
     Attributes:
@@ -46,7 +48,7 @@ class Trajectory(Motion):
     problem: str = ""
     case: Mapping[str, Any] = field(default_factory=dict)
     variables: Mapping[str, Array] = field(default_factory=dict)
-    origin: Problem | None = field(default=None, repr=False)
+    origin: Problem | None = None
 
     def dilate(self, factor: float) -> Trajectory:
         """The same path ``factor`` times slower; it forgets the variables, which no longer describe it."""
@@ -62,6 +64,28 @@ class Trajectory(Motion):
             )
         problem = load(self.problem, **self.case) if self.origin is None else self.origin
         return audit_motions(problem, [self], [self.variables], **options)[0]
+
+    def _headline(self) -> str:
+        return f"Trajectory{' of ' if self.problem else ''}{self.problem}: {self.duration:.6g} s"
+
+    def _facts(self) -> dict[str, str]:
+        highest = max(len(points) for points in self.curve.control_points) - 1
+        return {
+            "curve": f"{count(self.curve.segments, 'segment')}, up to degree {highest}",
+            "joints": ", ".join(self.joints),
+            "parameters": ", ".join(f"{name} {value:g}" for name, value in self.parameters.items()),
+            "case": ", ".join(f"{name} {value}" for name, value in self.case.items()),
+        }
+
+    def _tables(self) -> list[pd.DataFrame]:
+        """Exact extrema of each joint's derivatives up to jerk [SI]."""
+        extrema = {name: self.curve.extrema(order) for order, name in enumerate(COLUMNS[:4])}
+        columns = {
+            (name, end): [getattr(one, field) for one in found]
+            for name, found in extrema.items()
+            for end, field in (("least", "lower"), ("largest", "upper"))
+        }
+        return [pd.DataFrame(columns, index=pd.Index(self.joints, name="joint"))]
 
     def to_dict(self) -> dict[str, Any]:
         """As plain JSON values."""

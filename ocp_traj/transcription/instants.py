@@ -59,7 +59,7 @@ def few_instants(problem: Problem) -> tuple[Instant, ...]:
     A limit on a derivative that is constant, or linear, on its segments gets the 1 or 2 instants that are exact.
     """
     degree = degrees(problem)
-    wanted = problem.instants
+    wanted = problem.tuning.instants
 
     def places(k: int, limit: PathConstraint) -> Sequence[float]:
         if isinstance(wanted, Mapping):

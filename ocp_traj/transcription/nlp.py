@@ -29,7 +29,7 @@ class NLP:
         rows: one a row of g.
         labels: one an entry of x.
         units: one an entry of x.
-        complete: the problem's own variables -> the extra variables that go with them, after those.
+        initial_slacks: the problem's own variables -> starting values of the slacks that follow them in x.
         memory: a solver keeps here what it has built for this NLP.
         options: for the solver, by IPOPT's names, in place of its usual ones.
     """
@@ -43,7 +43,7 @@ class NLP:
     rows: tuple[Row, ...]
     labels: tuple[str, ...]
     units: tuple[str, ...]
-    complete: Callable[[Array], Array] = lambda x: np.zeros(0)
+    initial_slacks: Callable[[Array], Array] = lambda x: np.zeros(0)
     options: Mapping[str, Any] = field(default_factory=dict)
     memory: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
@@ -87,7 +87,7 @@ class NLP:
 
     def start(self, x: Array) -> Array:
         """A starting point of the NLP from the problem's own variables."""
-        return np.concatenate([x, self.complete(x)])
+        return np.concatenate([x, self.initial_slacks(x)])
 
     def violation(self, x: Array, g: Array) -> float:
         """Largest amount by which a bound is exceeded, >= 0; rows are scaled, variables in their own unit."""

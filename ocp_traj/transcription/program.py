@@ -314,7 +314,7 @@ class ScalarObjective:
 
     def __init__(self, problem: Problem, scalarisation: Scalarisation) -> None:
         """Compiles the function."""
-        wanted = dict.fromkeys((*scalarisation.names, *problem.regularisation))
+        wanted = dict.fromkeys((*scalarisation.names, *problem.tuning.regularisation))
         plain = plain_objectives(problem, wanted)
         self.names = tuple(name for name, objective in plain.items() if objective.terms is None)
         symbols = {name: casadi.MX.sym(name) for name in self.names}
@@ -323,7 +323,7 @@ class ScalarObjective:
             if objective.terms is not None:
                 values[name] = sum(factor * values[term] for term, factor in objective.terms.items())
         scalar = scalarisation.apply(problem, values)
-        traces = [w * values[name] / problem.objective(name).scale for name, w in problem.regularisation.items()]
+        traces = [w * values[name] / problem.objective(name).scale for name, w in problem.tuning.regularisation.items()]
         self.extra = int(scalar.extra is not None)
         self.rows = tuple((name, bound) for name, _, bound in scalar.rows)
         inputs = casadi.vertcat(*symbols.values(), *([] if scalar.extra is None else [scalar.extra]))

@@ -36,9 +36,9 @@ def symbolic_nlp(problem: Problem, scalarisation: Scalarisation, instants: Seque
         sizes.append(casadi.MX.sym(f"steps of {objective.id}", together.numel()))
         g += [sizes[-1] - together, sizes[-1] + together]
         given[objective.id] = objective.scale * casadi.sum1(sizes[-1])
-    values = objective_values(curve, dict.fromkeys((*scalarisation.names, *problem.regularisation)), given)
+    values = objective_values(curve, dict.fromkeys((*scalarisation.names, *problem.tuning.regularisation)), given)
     scalar = scalarisation.apply(problem, values)
-    traces = [w * values[name] / problem.objective(name).scale for name, w in problem.regularisation.items()]
+    traces = [w * values[name] / problem.objective(name).scale for name, w in problem.tuning.regularisation.items()]
     for limit in problem.requirements.path_constraints:
         members = [instant for instant in instants if instant.limit == limit.id]
         if members:

@@ -41,7 +41,7 @@ def transcribe(
 
     Returns:
         An NLP over x, over the scalarisation's extra variable if it has one, and over the steps of total variations.
-        Auxiliary variables of objectives that take no part stay at their lower bounds.
+        Slacks of objectives that take no part stay at their lower bounds.
     """
     check_names(problem, scalarisation)
     scalar = ScalarObjective(problem, scalarisation)
@@ -65,7 +65,7 @@ def transcribe(
     labels = [*("gamma",) * scalar.extra, *(label for s in steps for label in s.labels)]
     unbounded = np.full(len(labels), np.inf)
 
-    def complete(x: Array) -> Array:
+    def initial_slacks(x: Array) -> Array:
         return np.concatenate([np.zeros(scalar.extra), *(s.sizes(problem, x) for s in steps)])
 
     program = InstantProgram(
@@ -77,14 +77,16 @@ def transcribe(
         name=problem.id,
         program=program,
         lower_x=np.concatenate([problem.lower, -unbounded]),
-        upper_x=np.concatenate([np.where(problem.idle(scalarisation.names), problem.lower, problem.upper), unbounded]),
+        upper_x=np.concatenate(
+            [np.where(problem.inactive(scalarisation.names), problem.lower, problem.upper), unbounded]
+        ),
         lower_g=np.array(table.lower, dtype=float),
         upper_g=np.array(table.upper, dtype=float),
         rows=tuple(table.rows),
         labels=(*problem.labels, *labels),
         units=(*problem.units, *("-" for _ in labels)),
-        complete=complete,
-        options=problem.solver_options,
+        initial_slacks=initial_slacks,
+        options=problem.tuning.solver_options,
     )
 
 

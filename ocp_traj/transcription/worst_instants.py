@@ -100,7 +100,7 @@ class _Peaks:
             Instant(self.limit.id, int(k), u, (int(i),), sweep=s if self.limit.sweep else 0.0)
             for k, i, (u, s) in zip(segments, rows, kept_places, strict=True)
         ]
-        free &= ~astray[:, None] & self.problem.instants_move
+        free &= ~astray[:, None] & self.problem.tuning.instants_move
         largest = np.maximum(excess[0], begun[0])
         kept = np.nonzero(largest > 0.0)[0]
         if not len(kept):
