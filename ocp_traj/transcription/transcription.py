@@ -167,13 +167,8 @@ class _Table:
             (i, j) for j, m in enumerate(members) for i in (range(len(limit.labels)) if m.rows is None else m.rows)
         ]
         entry, instant = np.array(entries, dtype=np.intp).reshape(-1, 2).T
-        begin = len(self.rows)
-        self.parts.append(
-            Rows(
-                InstantValues.of(self.problem, limit.id, members), np.arange(begin, begin + len(entries)), instant, entry,
-                1.0 / limit.scale[entry],
-            )
-        )  # fmt: skip
+        values, rows = InstantValues.of(self.problem, limit.id, members), len(self.rows) + np.arange(len(entries))
+        self.parts.append(Rows(values, rows, instant, entry, 1.0 / limit.scale[entry]))
         self.lower += (limit.lower / limit.scale + back_off)[entry].tolist()
         self.upper += (limit.upper / limit.scale - back_off)[entry].tolist()
         self.rows += [row_of(limit, members[j], i) for i, j in entries]

@@ -48,7 +48,7 @@ def worst_instants(problem: Problem, x: Array, back_off: float) -> tuple[list[In
 
 
 def follow(problem: Problem, name: str, members: Sequence[Instant], x: Array) -> list[Instant]:
-    """Instants of a limit or total variation, one row each, on stationary points, made to move where that is sensible."""
+    """Instants of a limit or total variation, a row each, on stationary points, made to move where sensible."""
     if not members:
         return []
     shape = shape_of(problem)
@@ -178,7 +178,7 @@ def _one_row(rows: Index, count: int) -> Array:
 
 
 def _stands_out(excess: Array) -> NDArray[np.bool_]:
-    """Which samples, along the axis before the last, are local maxima of an excess above zero, or that may be between."""
+    """Which samples, along the axis before the last, are peaks of an excess that is, or may be between, above zero."""
     edge = np.full_like(excess[..., :1, :], -np.inf)
     left, right = (
         np.concatenate(parts, axis=-2) for parts in ((edge, excess[..., :-1, :]), (excess[..., 1:, :], edge))
