@@ -77,12 +77,12 @@ class InstantValues:
     """
 
     def __init__(
-        self, shape: Shape, kernel: Kernel, segments: Array, u: Array, sweep: Array | None = None,
+        self, shape: Shape, kernel: Kernel, segments: Index, u: Array, sweep: Array | None = None,
         slopes: Array | None = None, sweep_slopes: Array | None = None, constants: Array | None = None,
-        control: Array | None = None,
+        control: Index | None = None,
     ) -> None:  # fmt: skip
         self.shape, self.kernel, self.control = shape, kernel, control
-        self.segments = np.asarray(segments, dtype=np.intp)
+        self.segments = segments
         self.u, self.sweep, self.slopes, self.sweep_slopes = u, sweep, slopes, sweep_slopes
         self.constants = np.zeros((len(self.segments), 0)) if constants is None else constants
 
@@ -106,7 +106,7 @@ class InstantValues:
     def depends(self) -> NDArray[np.bool_]:
         """Which rows of the function depend on which of its segment's variables: ``(N, rows, m)``."""
         pattern = self.shape.depends[self.segments]  # (N, dof + 1 + n_p, m)
-        fixed = np.einsum("rj,njm->nrm", self.kernel.depends.astype(float), pattern.astype(float)) > 0.0
+        fixed = np.asarray(np.einsum("rj,njm->nrm", self.kernel.depends * 1.0, pattern * 1.0) > 0.0)
         for slopes in (self.slopes, self.sweep_slopes):
             if slopes is not None:
                 fixed |= (slopes != 0.0)[:, None, :]

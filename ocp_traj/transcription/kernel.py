@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.formulation.problem import Problem
-from ocp_traj.formulation.requirements import ORDERS
+from ocp_traj.formulation.requirements import ORDERS, PathConstraint, PointConstraint
 from ocp_traj.transcription.mapped import Mapped
 from ocp_traj.transcription.symbolic import integrand_function
 
@@ -54,12 +54,12 @@ class Kernel:
         self.depends = np.concatenate([derivatives.any(axis=1), uses[0], uses[1]], axis=1)
         active = [casadi.vertcat(*(states[o * dof : (o + 1) * dof] for o in self.orders))]
         places = []
-        for inputs, wanted in (
+        for numbers, wanted in (
             (duration, uses[0].any()), (p, uses[1].any()), (place[0], uses[2][:, 0].any()),
             (place[1:], uses[2][:, 1:].any()),
         ):  # fmt: skip
             begin = sum(part.numel() for part in active)
-            active.append(inputs if wanted else casadi.SX(0, 1))
+            active.append(numbers if wanted else casadi.SX(0, 1))
             places.append(slice(begin, begin + active[-1].numel()))
         self.duration, self.parameters, self.time, self.sweep = places
         chosen = casadi.vertcat(*active)
@@ -67,9 +67,8 @@ class Kernel:
         inputs = [states, duration, place, p, c]
         slope = casadi.densify(casadi.jacobian(value, chosen))
         bend, gradient = casadi.hessian(casadi.dot(weights, value), chosen)
-        first = casadi.cse([value, casadi.vec(slope.T)])
-        second = casadi.cse([casadi.densify(gradient), casadi.vec(casadi.densify(bend))])
-        self.linear = bend.nnz() == 0
+        first: Any = casadi.cse([value, casadi.vec(slope.T)])
+        second: Any = casadi.cse([casadi.densify(gradient), casadi.vec(casadi.densify(bend))])
         self._values = Mapped(casadi.Function("value", inputs, [value]))
         self._first = Mapped(casadi.Function("first", inputs, first))
         self._second = Mapped(casadi.Function("second", [*inputs, weights], second))
@@ -94,7 +93,9 @@ def limit_kernel(problem: Problem, name: str) -> Kernel:
     requirements = problem.requirements
 
     def build() -> Kernel:
-        limits = (*requirements.path_constraints, *requirements.point_constraints)
+        limits: list[PathConstraint | PointConstraint] = [
+            *requirements.path_constraints, *requirements.point_constraints,
+        ]  # fmt: skip
         for limit in limits:
             if limit.id == name:
                 return Kernel(requirements.function(limit), requirements.dof)

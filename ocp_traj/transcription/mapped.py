@@ -37,9 +37,9 @@ class Mapped:
             found = [np.zeros((count, size)) for size in self._sizes_out]
             buffer, evaluate = (self._function if count == 1 else self._function.map(count)).buffer()
             for i, array in enumerate(given):
-                buffer.set_arg(i, memoryview(array.reshape(-1)))
+                buffer.set_arg(i, array.reshape(-1).data)
             for i, array in enumerate(found):
-                buffer.set_res(i, memoryview(array.reshape(-1)))
+                buffer.set_res(i, array.reshape(-1).data)
             self._kept[count] = buffer, evaluate, given, found
         _, evaluate, given, found = self._kept[count]
         for array, argument in zip(given, arguments, strict=True):

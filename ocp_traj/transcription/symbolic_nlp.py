@@ -48,9 +48,8 @@ def symbolic_nlp(problem: Problem, scalarisation: Scalarisation, instants: Seque
             g.append(found / casadi.DM([limit.scale[i] for i, _ in entries]))
     for point in problem.requirements.point_constraints:
         if not point.structural:
-            nodes = [(k % len(degrees(problem)), u) for k, u in point.at]
-            local = casadi.DM([u for _, u in nodes])
-            n, states = len(nodes), states_at(curve, [k for k, _ in nodes], local)
+            local = casadi.DM([u for _, u in point.at])
+            n, states = len(point.at), states_at(curve, [k % len(degrees(problem)) for k, _ in point.at], local)
             function = problem.requirements.function(point).map(n)
             g.append(casadi.vec(function(states, local.T, casadi.repmat(curve.parameters, 1, n), casadi.MX(0, n))))
     g += [value for _, value, _ in scalar.rows]

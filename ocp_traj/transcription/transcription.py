@@ -15,10 +15,11 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint, PointConstraint
 from ocp_traj.formulation.rows import Row
 from ocp_traj.formulation.scalarise import Scalarisation, check_names
+from ocp_traj.transcription.instant_program import InstantProgram, Rows
 from ocp_traj.transcription.instant_values import InstantValues
 from ocp_traj.transcription.instants import Instant, step_nodes
 from ocp_traj.transcription.nlp import NLP
-from ocp_traj.transcription.program import InstantProgram, Rows, ScalarObjective
+from ocp_traj.transcription.scalar_objective import ScalarObjective
 from ocp_traj.transcription.shape import shape_of
 from ocp_traj.transcription.symbolic import degrees, variations
 from ocp_traj.transcription.symbolic_nlp import symbolic_nlp
