@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.transcription.derivative_values import DerivativeValuesAt
 from ocp_traj.transcription.instant_values import InstantValuesAt
 from ocp_traj.transcription.shape import ShapeAt
 
@@ -23,7 +24,7 @@ class HessianSum:
         )
         self.nonzeros = np.zeros(nonzeros)
 
-    def add(self, values: InstantValuesAt, weights: Array) -> None:
+    def add(self, values: InstantValuesAt | DerivativeValuesAt, weights: Array) -> None:
         """Adds the second derivatives of values at instants times weights ``(N, rows)``."""
         found = values.curvature(weights)
         values.of.add_by_segment(self.local, found.local)

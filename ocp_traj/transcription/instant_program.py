@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.formulation.problem import Problem
+from ocp_traj.transcription.derivative_values import DerivativeValues
 from ocp_traj.transcription.hessian_sum import HessianSum, gathered
 from ocp_traj.transcription.instant_values import InstantValues
 from ocp_traj.transcription.objective_parts import Integral, OfVariables
@@ -36,7 +37,7 @@ class Rows:
         factor: ``(E,)``.
     """
 
-    values: InstantValues
+    values: InstantValues | DerivativeValues
     row: Index
     instant: Index
     entry: Index
@@ -153,6 +154,8 @@ class InstantProgram:
     def values(self, x: Array) -> tuple[float, Array]:
         """See ``Program``."""
         here = self._here(x)
+        if here.outputs is not None:
+            return here.outputs
         g = np.zeros(self.rows)
         for part, values in zip(self._parts, here.parts, strict=True):
             np.add.at(g, part.row, part.factor * values.values[part.instant, part.entry])
@@ -160,7 +163,8 @@ class InstantProgram:
         np.add.at(g, row, factor * x[self._first_step + sigma])
         outputs = self._scalar.values(here.scalars[None])[0][0]
         g[self._count :] = outputs[1:]
-        return float(outputs[0]), g
+        here.outputs = float(outputs[0]), g
+        return here.outputs
 
     def gradient(self, x: Array) -> Array:
         """See ``Program``."""
@@ -202,6 +206,7 @@ class _Here:
 
     def __init__(self, program: InstantProgram, x: Array) -> None:
         self._program, self._x = program, x.copy()
+        self.outputs: tuple[float, Array] | None = None
         self.at = program._shape.at(x[: program._shape.size])
         self.parts = [part.values.at(self.at) for part in program._parts]
         self.integrals = {name: i.values.at(self.at) for name, i in program._pattern.integrals.items()}

@@ -62,7 +62,30 @@ class Peak(NamedTuple):
     sx: Array
 
 
-class InstantValues:
+class BySegment:
+    """Numbers of instants, to be summed by the segment they are on.
+
+    Attributes:
+        segments: of each instant ``(N,)``.
+    """
+
+    segments: Index
+
+    @cached_property
+    def _runs(self) -> tuple[Index, Index, Index]:
+        """The order of instants by segment, where each segment begins in it, and the segments."""
+        order = np.argsort(self.segments, kind="stable")
+        segments, starts = np.unique(self.segments[order], return_index=True)
+        return order, starts, segments
+
+    def add_by_segment(self, total: Array, values: Array) -> None:
+        """Adds values of the instants ``(N, ..)`` to those of their segments ``(K, ..)``."""
+        order, starts, segments = self._runs
+        if len(order):
+            total[segments] += np.add.reduceat(values[order], starts)
+
+
+class InstantValues(BySegment):
     """A function at instants.
 
     Args:
@@ -94,8 +117,8 @@ class InstantValues:
         segments = np.array([instant.segment for instant in instants], dtype=np.intp)
         limit = next((c for c in problem.requirements.path_constraints if c.id == name), None)
         table = None if limit is None else limit.constants
-        u, slopes = _lines(shape, segments, [(i.u, i.slope, i.anchor) for i in instants])
-        along, sweep_slopes = _lines(shape, segments, [(i.sweep, i.sweep_slope, i.anchor) for i in instants])
+        u, slopes = lines(shape, segments, [(i.u, i.slope, i.anchor) for i in instants])
+        along, sweep_slopes = lines(shape, segments, [(i.sweep, i.sweep_slope, i.anchor) for i in instants])
         hull = any(i.control is not None for i in instants)
         return cls(
             shape, kernel, segments, u, along if limit is not None and limit.sweep else None, slopes, sweep_slopes,
@@ -144,19 +167,6 @@ class InstantValues:
                 found[here, order, : degree + 1] = difference_matrix(degree, order)[rows]
         return found
 
-    @cached_property
-    def _runs(self) -> tuple[Index, Index, Index]:
-        """The order of instants by segment, where each segment begins in it, and the segments."""
-        order = np.argsort(self.segments, kind="stable")
-        segments, starts = np.unique(self.segments[order], return_index=True)
-        return order, starts, segments
-
-    def add_by_segment(self, total: Array, values: Array) -> None:
-        """Adds values of the instants ``(N, ..)`` to those of their segments ``(K, ..)``."""
-        order, starts, segments = self._runs
-        if len(order):
-            total[segments] += np.add.reduceat(values[order], starts)
-
 
 class InstantValuesAt:
     """A function at instants and at one x; derivatives are computed on first use.
@@ -170,10 +180,10 @@ class InstantValuesAt:
         self.of, self.shape = of, shape
         segments, kernel = of.segments, of.kernel
         local = shape.local[segments]
-        self.u, self._u_slopes = _moved(of.u, of.slopes, local) if u is None else (u, None)
+        self.u, self._u_slopes = moved_places(of.u, of.slopes, local) if u is None else (u, None)
         self.sweep, self._sweep_slopes = (None, None)
         if of.sweep is not None:
-            moved = _moved(of.sweep, of.sweep_slopes, local)
+            moved = moved_places(of.sweep, of.sweep_slopes, local)
             self.sweep, self._sweep_slopes = moved if sweep is None else (sweep, None)
         top = max(kernel.orders, default=0)
         fixed = of.fixed_basis if u is None else None
@@ -299,7 +309,7 @@ class InstantValuesAt:
         )  # fmt: skip
 
 
-def _moved(start: Array, slopes: Array | None, local: Array) -> tuple[Array, Array | None]:
+def moved_places(start: Array, slopes: Array | None, local: Array) -> tuple[Array, Array | None]:
     """Places clipped to [0, 1] at variables ``(N, m)``, and how they move there."""
     if slopes is None:
         return np.clip(start, 0.0, 1.0), None
@@ -308,7 +318,7 @@ def _moved(start: Array, slopes: Array | None, local: Array) -> tuple[Array, Arr
     return np.clip(places, 0.0, 1.0), slopes * inside[:, None]
 
 
-def _lines(
+def lines(
     shape: Shape, segments: NDArray[np.intp], places: Sequence[tuple[float, Array | None, Array | None]]
 ) -> tuple[Array, Array | None]:
     """Places at x = 0 ``(N,)`` and their slopes in the segments' variables, None where none has any."""

@@ -15,6 +15,7 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint, PointConstraint
 from ocp_traj.formulation.rows import Row
 from ocp_traj.formulation.scalarise import Scalarisation, check_names
+from ocp_traj.transcription.derivative_values import DerivativeValues
 from ocp_traj.transcription.instant_program import InstantProgram, Rows
 from ocp_traj.transcription.instant_values import InstantValues
 from ocp_traj.transcription.instants import Instant, step_nodes
@@ -52,6 +53,7 @@ def transcribe(
         members = [instant for instant in instants if instant.limit == limit.id]
         if members:
             table.limit(limit, members, back_off)
+    table.collect_derivatives()
     for point in problem.requirements.point_constraints:
         if not point.structural:
             table.point(point)
@@ -116,6 +118,7 @@ class _Table:
     upper: list[float] = field(default_factory=list)
     rows: list[Row] = field(default_factory=list)
     parts: list[Rows] = field(default_factory=list)
+    derivatives: list[tuple[int, float, tuple[int, int, Instant]]] = field(default_factory=list)
     coupled: list[Any] = field(default_factory=list)
     sigma: list[Any] = field(default_factory=list)
     factor: list[Any] = field(default_factory=list)
@@ -168,11 +171,25 @@ class _Table:
             (i, j) for j, m in enumerate(members) for i in (range(len(limit.labels)) if m.rows is None else m.rows)
         ]
         entry, instant = np.array(entries, dtype=np.intp).reshape(-1, 2).T
-        values, rows = InstantValues.of(self.problem, limit.id, members), len(self.rows) + np.arange(len(entries))
-        self.parts.append(Rows(values, rows, instant, entry, 1.0 / limit.scale[entry]))
+        rows, factor = len(self.rows) + np.arange(len(entries)), 1.0 / limit.scale[entry]
+        if limit.order is None:
+            self.parts.append(Rows(InstantValues.of(self.problem, limit.id, members), rows, instant, entry, factor))
+        else:
+            derivatives = [(limit.order, i, members[j]) for i, j in entries]
+            self.derivatives += zip(rows.tolist(), factor.tolist(), derivatives, strict=True)
         self.lower += (limit.lower / limit.scale + back_off)[entry].tolist()
         self.upper += (limit.upper / limit.scale - back_off)[entry].tolist()
         self.rows += [row_of(limit, members[j], i) for i, j in entries]
+
+    def collect_derivatives(self) -> None:
+        """Puts the rows of all limits on derivatives of joints together."""
+        if self.derivatives:
+            rows, factor, entries = zip(*self.derivatives, strict=True)
+            count = np.arange(len(rows))
+            values = DerivativeValues(self.problem, entries)
+            self.parts.append(
+                Rows(values, np.array(rows, dtype=np.intp), count, np.zeros_like(count), np.array(factor))
+            )
 
     def point(self, point: PointConstraint) -> None:
         """Rows of one point constraint; they are not scaled."""
