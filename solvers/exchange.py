@@ -56,6 +56,8 @@ class Exchange:
         back_off: tightening of the limits in the NLP, so that a solution at a limit can be proved to be within it.
         repair: whether to slow an unproved last solution down until it is proved, where the problem allows that.
         first: the first grid; None for ``few_instants``.
+        prove: whether a solution is audited; without, its ``audit`` is None where a scan finds no limit broken, for one
+            who proves many together (``audit_points``).
         progress: told of each round.
     """
 
@@ -64,6 +66,7 @@ class Exchange:
     back_off: float = BACK_OFF
     repair: bool = True
     first: Sequence[Instant] | None = None
+    prove: bool = True
     progress: Progress = silent
 
     def opening(self, problem: Problem, scalarisation: Scalarisation) -> NLP:
@@ -157,9 +160,8 @@ class Exchange:
             before, (peaks, excess) = excess, worst_instants(problem, x, self.back_off)
             updated = turned(problem, scalarisation, instants, x, motion_of(problem, x))
             if excess <= 0.0:
-                last = solution = _finished(problem, scalarisation, solution, x, begun)
-                assert solution.audit is not None
-                if solution.audit.proved:
+                last = solution = _finished(problem, scalarisation, solution, x, begun, prove=self.prove)
+                if solution.audit is None or solution.audit.proved:
                     proved.append(solution)
                 else:
                     excess = largest_excess(problem, solution.audit)
@@ -167,7 +169,7 @@ class Exchange:
                 number, most, f"{len(nlp.rows)} rows, {'proved' if excess <= 0.0 else f'excess {excess:.2g}'}"
             )
             if proved and proved[-1] is solution and updated is None:
-                return _tightened(problem, scalarisation, solution)
+                return _tightened(problem, scalarisation, solution) if self.prove else solution
             if before / STALLED < excess < NEGLIGIBLE:
                 back_off += 2.0 * excess  # flat peaks wander for ever: stay clear of the limit by what they wander
             instants = updated or instants
@@ -245,9 +247,11 @@ def _finished(
     x: Array,
     begun: float,
     checked: Audit | None = None,
+    prove: bool = True,
 ) -> Solution:
-    """A solution with its trajectory, objectives and audit."""
-    candidate, found = (trajectory_of(problem, x), checked) if checked else audit_points(problem, [x])[0]
+    """A solution with its trajectory, objectives and audit, which is made if it is not given and wanted."""
+    proves = checked is None and prove
+    candidate, found = audit_points(problem, [x])[0] if proves else (trajectory_of(problem, x), checked)
     objectives = evaluate_objectives(problem, x)
     # The NLP's sum of steps may fall short of a total variation, and traces are not what is asked for.
     if variations(problem, scalarisation.names) or problem.tuning.regularisation:

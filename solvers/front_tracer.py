@@ -41,6 +41,7 @@ Array = NDArray[np.float64]
 
 SAME = 1e-9  # of the front's extent: points closer than this in every objective are one; our choice
 REFINEMENTS = 4  # how many finer lattices are tried where the first one leaves points to be had: our choice
+TOGETHER, PATIENCE = 8, 2.0  # points, and seconds, after which those that wait are proved: our choice
 FLAT = 1e-7  # relative: ends closer than this are one point; our choice, far above what back-off and solver leave open
 # Of the front's extent: what an end may lose in its own objective, room that an interior point needs, and what it must
 # gain in the other for that; our choice.
@@ -89,9 +90,11 @@ class FrontTracer:
                 if len(objectives) == 2 and problem.tuning.starts > 1:
                     trace.sharpen()
                 trace.fill() if len(objectives) == 2 else trace.lattice()
+                trace.prove()
                 complete = True
             except STOPS as reason:
                 stop.take(reason)
+                trace.prove()
             interrupted = not complete and stop.tell()
         info: dict[str, Any] = {
             "solves": trace.solves,
@@ -120,6 +123,7 @@ class _Trace:
             [s * problem.reference_point.get(n, s * np.inf) for s, n in zip(self.signs, objectives, strict=True)]
         )
         self.solutions: list[Solution] = []
+        self.waiting: list[tuple[float, Scalarisation, Solution]] = []  # since when, what was asked: not yet proved
         self.values = np.empty((0, len(objectives)))
         self.solves = self.iterations = self.failed = 0
         self.conflict, self.ended = True, False  # whether there is anything to trade; whether all ends were tried
@@ -273,9 +277,14 @@ class _Trace:
         """Solves for one more point; whether one was found that is not there already."""
         x0, nearest = self._start(neighbours, bounds)
         known = self.solutions[nearest]
-        solver = replace(self.tracer.solver, first=known.instants)
+        # Where solutions are compared, or asked for less than they keep, each is proved at once.
+        at_once = self.problem.tighten_slacks is not None or self.problem.tuning.starts > 1
+        solver = replace(self.tracer.solver, first=known.instants, prove=at_once)
         solution = solver.solve(self.problem, scalar, x0, warm=known)
-        self._count(scalar, solution)
+        if solution.audit is None and solution.ok:
+            self.waiting.append((time.perf_counter(), scalar, solution))
+        else:
+            self._count(scalar, solution)
         others = [self.solutions[i].x for i in neighbours if i != nearest]
         # Once more, from the neighbours themselves and with all rows: of many local optima the other may lead to a
         # better one.
@@ -294,7 +303,32 @@ class _Trace:
             elif len(self.names) == 2:
                 new = self._ranked(span)
         self.tracer.progress(len(self.solutions), self.tracer.points, self._words())
+        if self.waiting and (len(self.waiting) >= TOGETHER or time.perf_counter() - self.waiting[0][0] > PATIENCE):
+            self.prove()
         return new
+
+    def prove(self) -> None:
+        """Proves the points found since the last time, together; one that fails goes back to exchange."""
+        waiting, self.waiting = self.waiting, []
+        audited = audit_points(self.problem, [solution.x for _, _, solution in waiting])
+        for (_, scalar, found), (path, audit) in zip(waiting, audited, strict=True):
+            proved = replace(found, trajectory=path, audit=audit)
+            if not audit.proved:
+                proved = replace(self.tracer.solver, first=found.instants).solve(self.problem, scalar, found.x, found)
+            self._count(scalar, proved)
+            for i, known in enumerate(self.solutions):
+                if known is found:
+                    self._replace(i, proved)
+                    break
+
+    def _replace(self, i: int, solution: Solution) -> None:
+        """Another solution in place of one, or nothing where it is none."""
+        if solution.ok:
+            self.solutions[i] = solution
+            self.values[i] = self.signs * np.array([solution.objectives[name] for name in self.names])
+        else:
+            del self.solutions[i]
+            self.values = np.delete(self.values, i, axis=0)
 
     def _start(self, neighbours: list[int], bounds: Mapping[int, float]) -> tuple[Array, int]:
         """The best of the neighbours' rays: within the bounds first, then least in the sum of what is free."""

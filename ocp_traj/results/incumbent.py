@@ -42,7 +42,7 @@ def no_worse_than(
     value, excess = value_of(problem, scalarisation, objectives)
     if not (np.isfinite(value) and excess <= 0.0):
         return solution
-    proved = solution.audit is not None and solution.audit.proved
+    proved = solution.ok if solution.audit is None else solution.audit.proved  # without an audit: proved later
     if proved:
         ended, _ = value_of(problem, scalarisation, solution.objectives)
         if not value < ended - BETTER * abs(ended):

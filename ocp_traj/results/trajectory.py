@@ -28,6 +28,8 @@ from ocp_traj.transcription.symbolic import motion_of
 
 Array = NDArray[np.float64]
 
+REMEMBERED = 256  # audits a problem keeps: our choice, more than the points of a front
+
 FORMAT = "ocp-traj/trajectory/1"
 SAMPLES_FORMAT = "ocp-traj/samples/1"
 SPLINE_FORMAT = "ocp-traj/spline/1"
@@ -150,11 +152,28 @@ def trajectory_of(problem: Problem, x: ArrayLike) -> Trajectory:
 
 
 def audit_points(problem: Problem, xs: Sequence[Array], **options: Any) -> list[tuple[Trajectory, Audit]]:
-    """The trajectories that decision vectors stand for, each with its audit, the bounds on its variables among it."""
+    """The trajectories that decision vectors stand for, each with its audit, the bounds on its variables among it.
+
+    All are proved together. A proof is for good: what the problem has seen lately is not proved again.
+    """
+    vectors = [np.array(x, dtype=float) for x in xs]
+    if options:
+        return _audited(problem, vectors, options)
+    known: dict[bytes, tuple[Trajectory, Audit]] = problem.cached("audits", dict)
+    new = {x.tobytes(): x for x in vectors if x.tobytes() not in known}
+    found = dict(zip(new, _audited(problem, list(new.values()), {}), strict=True))
+    answer = [found.get(x.tobytes()) or known[x.tobytes()] for x in vectors]
+    known.update(found)
+    for key in list(known)[: max(len(known) - REMEMBERED, 0)]:
+        del known[key]
+    return answer
+
+
+def _audited(problem: Problem, xs: Sequence[Array], options: Mapping[str, Any]) -> list[tuple[Trajectory, Audit]]:
     moved = [trajectory_of(problem, x) for x in xs]
     audits = audit_all(moved, problem.requirements, **options)
     return [
-        (motion, replace(found, rows=(*found.rows, *bound_rows(problem, np.asarray(x, dtype=float)))))
+        (motion, replace(found, rows=(*found.rows, *bound_rows(problem, x))))
         for x, motion, found in zip(xs, moved, audits, strict=True)
     ]
 
