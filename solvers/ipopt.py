@@ -219,11 +219,11 @@ class Ipopt:
         if warm:
             settings |= {
                 "warm_start_init_point": "yes",
-                "warm_start_bound_push": 1e-9,
-                "warm_start_bound_frac": 1e-9,
-                "warm_start_slack_bound_push": 1e-9,
-                "warm_start_slack_bound_frac": 1e-9,
-                "warm_start_mult_bound_push": 1e-9,
+                "warm_start_bound_push": 1e-6,
+                "warm_start_bound_frac": 1e-6,
+                "warm_start_slack_bound_push": 1e-6,
+                "warm_start_slack_bound_frac": 1e-6,
+                "warm_start_mult_bound_push": 1e-6,
                 "mu_init": max(1e-8, float(wanted.get("mu_target", 0.0))),
             }
         return settings | dict(wanted) | dict(self.options)
