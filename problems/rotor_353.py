@@ -8,21 +8,19 @@ Deviations
   Table 2 is in degrees (printed rad), as the teach pendant shows them: its joint 3 is measured from the horizontal. Its
   joint 3 at X2 is -63.179: with that sign the last move is a pure translation, as the first is a turn about the
   vertical; ``as_printed`` keeps the printed 63.179. Table 1, row 4: a = 195 mm (printed 1100).
-  The paper gives no limits. Velocities, positions, inertias and efforts are those of the maker's robot description
-  (FANUC Corporation, fanuc_description, m10_8-20d, Apache-2.0); its efforts look like round placeholders. Accelerations
-  are our choice: 2 v_max per second. One (t1, t2, t3) for all joints; ``timing="per_joint"`` is the paper's recipe,
-  each joint alone and then the longest of each phase, which is neither optimal nor always within the limits.
+  The paper gives no limits. Velocities, positions, inertias and efforts are those of the maker's robot description (see
+  ``ocp_traj.problems.m10id``), whose efforts look like round placeholders. Accelerations are our choice: 2 v_max per
+  second. One (t1, t2, t3) for all joints; ``timing="per_joint"`` is the paper's recipe, each joint alone and then the
+  longest of each phase, which is neither optimal nor always within the limits.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
 from typing import Any
 
 import casadi
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.curves.bernstein import PiecewiseBezier
@@ -33,20 +31,16 @@ from ocp_traj.formulation.case import check, choice, number, numbers
 from ocp_traj.formulation.objective import Objective, gauss
 from ocp_traj.formulation.problem import Decomposition, Problem, Variable
 from ocp_traj.formulation.requirements import PathConstraint, Requirements, State
-from ocp_traj.robot.chain import AxisJoint, LinkInertia
+from ocp_traj.problems import m10id
+from ocp_traj.problems.m10id import EFFORT, JOINTS, POSITION, VELOCITY, serial_angles
 from ocp_traj.robot.joint_limits import JointLimits
-from ocp_traj.robot.robot import ActuatorMap, Robot
-from ocp_traj.robot.six_axis import Branches, SixAxisArm, wrapped
+from ocp_traj.robot.robot import Robot
 
 Array = NDArray[np.float64]
 Six = tuple[float, ...]
 
-JOINTS = ("J1", "J2", "J3", "J4", "J5", "J6")
 TIMINGS = ("synchronised", "per_joint")
-VELOCITY = (210.0, 210.0, 220.0, 430.0, 450.0, 720.0)  # [deg/s], maker's description
 ACCELERATION = tuple(2.0 * v for v in VELOCITY)  # [deg/s^2]: our choice
-EFFORT = (2000.0, 3000.0, 1000.0, 100.0, 100.0, 50.0)  # [N m], maker's description
-POSITION = ((-185.0, -90.0, -90.0, -190.0, -179.999, -450.0), (185.0, 145.0, 222.0, 190.0, 179.999, 450.0))  # [deg]
 # [W] of |power|: sqrt(power^2 + s^2) exceeds it by at most s, and work comes out at most 6 s T too large. Our choice.
 SMOOTHING = 0.1
 # Gauss-Legendre nodes a segment, our choice. Measured on 22 motions of 1.4 to 4.3 s against finer rules: effort within
@@ -64,35 +58,12 @@ TABLE_2 = (
 )
 PRINTED_SIGN = 63.179  # [deg], Table 2, joint 3, X_2
 
-# Maker's description: placement [m] and axis of each joint; mass [kg], centre of mass [m], inertia about it
-# (xx, xy, xz, yy, yz, zz) [kg m^2] of its link, in the joint's frame.
-LINKS = (
-    ((0.0, 0.0, 0.45), (0, 0, 1), 25.1, (0.0385, -0.0176, -0.0359),
-     (0.285, -0.0106, -0.0157, 0.242, -0.00898, 0.336)),
-    ((0.075, 0.0, 0.0), (0, 1, 0), 33.5, (-0.0227, -0.151, 0.402),
-     (2.3, -0.0223, 0.0191, 2.33, -0.0412, 0.152)),
-    ((0.0, 0.0, 0.84), (0, -1, 0), 54.5, (0.242, 0.0064, 0.116),
-     (0.693, -0.0249, -0.368, 2.13, -0.035, 2.1)),
-    ((0.0, 0.0, 0.195), (-1, 0, 0), 17.5, (0.678, -0.0311, -0.000832),
-     (0.0509, 0.0696, 0.000437, 0.9, -0.000433, 0.915)),
-    ((1.1, 0.0, 0.0), (0, -1, 0), 1.16, (0.0214, -0.015, 0.0),
-     (0.00173, -0.000392, 0.0, 0.00191, 0.0, 0.00189)),
-    ((0.0, 0.0, 0.0), (-1, 0, 0), 0.224, (0.0537, 0.0, 0.0),
-     (0.000131, 0.0, 0.0, 0.000102, 0.0, 0.000102)),
-)  # fmt: skip
-FLANGE_AXES = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # of Table 1's frame 6 at zero
-FLANGE = 0.075  # [m] from the wrist along J6
-
-# Table 1 [m]: d1, a1, a2, a3, d4, d6; row 4 prints a3 = 1.1.
-TABLE_1 = {"d1": 0.45, "a1": 0.075, "a2": 0.84, "a3": 0.195, "d4": 1.1, "d6": 0.075}
-PRINTED_A3 = 1.1  # [m]
-
 
 @dataclass(frozen=True)
 class ZhuWang:
     """The paper's numbers; a field is what a user may change. Degrees, as in Table 2 and the maker's description."""
 
-    as_printed: bool = False  # joint 3 of X_2 with the printed sign; a3 of ``arm`` as printed
+    as_printed: bool = False  # joint 3 of X_2 with the printed sign; a3 of Table 1 as printed
     velocity: Six = numbers(VELOCITY, "deg/s", above=0.0)  # v_max, (14): maker's description
     acceleration: Six = numbers(ACCELERATION, "deg/s2", empty=True, above=0.0)  # a_max, (15): our choice; or none
     jerk: Six = numbers((), "deg/s3", size=6, empty=True, above=0.0)
@@ -120,73 +91,25 @@ class ZhuWang:
 Case = ZhuWang
 
 
-def serial_angles(q: Any) -> Any:
-    """Angles between the links from the pendant's, whose joint 3 is measured from the horizontal. [rad]."""
-    return casadi.vertcat(q[0], q[1], q[1] + q[2], q[3], q[4], q[5])
-
-
-def robot() -> Robot:
-    """FANUC M-10iD/8L with the inertias of the maker's description; its coordinates are the pendant's angles."""
-    joints = []
-    for place, axis, mass, centre, (xx, xy, xz, yy, yz, zz) in LINKS:
-        inertia = LinkInertia(mass, centre, [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        joints.append(AxisJoint("revolute", axis, pin.SE3(np.eye(3), np.array(place)), inertia))
-    return Robot.from_dh(
-        rows=(),
-        inertias=(),
-        prefix=joints,
-        tool=pin.SE3(FLANGE_AXES, np.array([FLANGE, 0.0, 0.0])),
-        gravity=(0.0, 0.0, -9.81),
-        joints=JOINTS,
-        units=("rad",) * 6,
-        actuator_map=ActuatorMap("pendant angles", serial_angles),
-        name="FANUC M-10iD/8L",
-    )
-
-
-def arm(case: ZhuWang | None = None) -> SixAxisArm:
-    """The arm of Table 1, for forward and inverse kinematics."""
-    return SixAxisArm(**{**TABLE_1, "a3": PRINTED_A3} if case and case.as_printed else TABLE_1)
-
-
-def pendant_to_table_1(q: ArrayLike) -> Array:
-    """Angles theta of Table 1 from the pendant's (Table 2), ``(.., 6)`` [rad]."""
-    j1, j2, j3, j4, j5, j6 = np.moveaxis(np.asarray(q, dtype=float), -1, 0)
-    return np.asarray(np.stack([j1, j2 - pi / 2, -j2 - j3, -j4, -j5, -j6], axis=-1))
-
-
-def table_1_to_pendant(theta: ArrayLike) -> Array:
-    """The pendant's angles from Table 1's, ``(.., 6)`` [rad]; joints 2 and 3 on the turn that their ranges hold."""
-    th1, th2, th3, th4, th5, th6 = np.moveaxis(np.asarray(theta, dtype=float), -1, 0)
-    serial = np.asarray(np.stack([th1, th2 + pi / 2, -th3, -th4, -th5, -th6], axis=-1))
-    middle = np.radians(np.array(POSITION).mean(axis=0))
-    serial = middle + wrapped(serial - middle)
-    serial[..., 2] -= serial[..., 1]
-    return np.asarray(serial)
+def robot(case: ZhuWang | None = None) -> Robot:
+    """The arm, the same of every case."""
+    return m10id.robot()
 
 
 def forward_kinematics(q: ArrayLike, case: ZhuWang | None = None) -> tuple[Array, Array]:
     """Flange poses, rotation ``(N, 3, 3)`` and position ``(N, 3)`` [m], of pendant angles ``(N, 6)`` [rad]."""
-    return arm(case).forward(pendant_to_table_1(q))
+    return m10id.forward_kinematics(q, bool(case and case.as_printed))
 
 
-def inverse_kinematics(rotation: ArrayLike, position: ArrayLike, case: ZhuWang | None = None) -> tuple[Array, Branches]:
-    """Pendant angles ``(N, 8, 6)`` [rad] that reach flange poses, NaN where a branch does not exist.
-
-    (3) as printed takes the flange for the wrist and has signs of another arm. Whether the joints' ranges allow a
-    branch is not looked at.
-
-    Returns:
-        the angles, and the branches in Table 1's angles, with what is singular and why one does not exist.
-    """
-    branches = arm(case).inverse(rotation, position)
-    return table_1_to_pendant(branches.angles), branches
+def inverse_kinematics(rotation: ArrayLike, position: ArrayLike, case: ZhuWang | None = None) -> Array:
+    """Pendant angles ``(N, 8, 6)`` [rad] of flange poses, all branches, NaN where one does not exist."""
+    return m10id.inverse_kinematics(rotation, position, bool(case and case.as_printed))
 
 
-def via_points(case: ZhuWang) -> Array:
+def via_points(case: ZhuWang | None = None) -> Array:
     """Table 2: the four points ``(4, 6)`` [rad]."""
     points = np.radians(np.array(TABLE_2).T)
-    if case.as_printed:
+    if case and case.as_printed:
         points[2, 2] = np.radians(PRINTED_SIGN)
     return np.asarray(points)
 
@@ -353,13 +276,3 @@ PHASES = ("0.311", "0.660", "1.676")  # t1, t2, t3
 TOTAL = "2.647"
 SHORTENED = "56"  # [%]
 GUESS = 2.0  # [s], of each phase to begin with
-# As printed: Table 1 [mm], rows i of a_{i-1} and d_i; Table 2 [deg], printed rad, X_0 .. X_3 a joint.
-TABLE_1_PRINTED = (("0", "450"), ("75", "0"), ("840", "0"), ("1100", "1100"), ("0", "0"), ("0", "75"))
-TABLE_2_PRINTED = """
--23.496 -20.128  -7.361  -8.055
- 73.451  80.381  68.721  61.474
--62.949 -55.208  63.179 -68.520
- 77.747  78.321 -35.605 -29.593
- 41.879  35.783  27.940  32.293
- -2.099 -12.636  53.129  46.917
-"""

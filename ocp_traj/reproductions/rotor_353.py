@@ -12,10 +12,17 @@ from scipy.optimize import minimize_scalar
 
 from ocp_traj import api, problems
 from ocp_traj.curves.families import polynomial_353
+from ocp_traj.problems import m10id
 from ocp_traj.problems import rotor_353 as paper
 from ocp_traj.progress import Progress
 from ocp_traj.reproductions.comparison import Reproduction, Run, Sheet, rounding_effect
-from ocp_traj.reproductions.rotor_353_errata import MISPRINTS, equation_errata, turn
+from ocp_traj.reproductions.rotor_353_errata import (
+    MISPRINTS,
+    TABLE_1_PRINTED,
+    TABLE_2_PRINTED,
+    equation_errata,
+    turn,
+)
 from ocp_traj.reproductions.rotor_353_limits import closest_phases
 from ocp_traj.reproductions.rotor_353_swarms import swarms
 from ocp_traj.results.solution import Solution
@@ -28,7 +35,7 @@ PRINTED = 0.0005  # [deg], half a unit of Table 2's last digit
 SIGNS = {False: "corrected sign", True: "printed sign"}
 TIMINGS = {"synchronised": "all joints together", "per_joint": "every joint alone"}
 # v_max and a_max: two numbers for all joints, or two shares of the maker's speeds.
-FAMILIES = {"one pair of limits": np.ones(6), "shares of the maker's speeds": np.array(paper.VELOCITY)}
+FAMILIES = {"one pair of limits": np.ones(6), "shares of the maker's speeds": np.array(m10id.VELOCITY)}
 FREE = {"position_limits": False, "effort_limits": False}  # (14) and (15) are the paper's limits
 
 
@@ -75,7 +82,7 @@ def run(seeds: int, progress: Progress) -> Reproduction:
 
 def printed_table_2() -> list[list[str]]:
     """Table 2 as printed, a line a joint."""
-    return [line.split() for line in paper.TABLE_2_PRINTED.strip().splitlines()]
+    return [line.split() for line in TABLE_2_PRINTED.strip().splitlines()]
 
 
 def sign_of_joint_3() -> float:
@@ -94,16 +101,16 @@ def sign_of_joint_3() -> float:
 
 def tables(sheet: Sheet) -> None:
     """Table 1 beside the maker's description of the same arm; Table 2's odd number beside what the poses ask for."""
-    reached = np.cumsum([place for place, *_ in paper.LINKS], axis=0) * 1000.0  # [mm], joints at zero
+    reached = np.cumsum([place for place, *_ in m10id.LINKS], axis=0) * 1000.0  # [mm], joints at zero
     lengths = [
         (0.0, reached[0, 2]),
         (reached[1, 0], 0.0),
         (reached[2, 2] - reached[1, 2], 0.0),
         (reached[3, 2] - reached[2, 2], reached[4, 0] - reached[3, 0]),
         (0.0, 0.0),
-        (0.0, 1000.0 * paper.FLANGE),
+        (0.0, 1000.0 * m10id.FLANGE),
     ]
-    for i, (printed, ours) in enumerate(zip(paper.TABLE_1_PRINTED, lengths, strict=True), 1):
+    for i, (printed, ours) in enumerate(zip(TABLE_1_PRINTED, lengths, strict=True), 1):
         for name, text, value in zip((f"row {i} a", f"row {i} d"), printed, ours, strict=True):
             sheet.add("Table 1", name, text, float(value), "mm", note="maker's description of the arm")
     (item,) = (key[1] for key in MISPRINTS if key[0] == "Table 2")
@@ -165,7 +172,7 @@ def demand_table() -> pd.DataFrame:
     rows = [
         (words, joint, v, v / v_max, a)
         for sign, words in SIGNS.items()
-        for joint, v_max, v, a in zip(paper.JOINTS, paper.VELOCITY, *demands(sign), strict=True)
+        for joint, v_max, v, a in zip(m10id.JOINTS, m10id.VELOCITY, *demands(sign), strict=True)
     ]
     columns = ["variant", "joint", "peak velocity [deg/s]", "of the maker's", "peak acceleration [deg/s2]"]
     return pd.DataFrame(rows, columns=columns)
@@ -193,7 +200,7 @@ def published(sheet: Sheet, runs: list[Run], sign: bool) -> None:
     )
     for family, speeds in (
         ("one limit for all joints", np.ones(6)),
-        ("shares of the maker's", np.array(paper.VELOCITY)),
+        ("shares of the maker's", np.array(m10id.VELOCITY)),
     ):
         closest, off, ratio = closest_phases(sign, speeds, t)
         for name, text, value in zip(("t1", "t2", "t3"), paper.PHASES, closest, strict=True):
@@ -221,7 +228,7 @@ def optimum(sheet: Sheet, runs: list[Run], sign: bool, timing: str) -> Solution:
     sheet.add("Sect. 4", f"time, {TIMINGS[timing]}, {words}", paper.TOTAL, float(found.x.sum()), "s", note=note)
     extrema = [found.trajectory.curve.extrema(order) for order in (1, 2)]
     v, a = (np.degrees([max(-e.lower, e.upper) for e in of]) for of in extrema)
-    shares = {"v / v_max [-]": (v / paper.VELOCITY).max(), "a / a_max [-]": (a / paper.ACCELERATION).max()}
+    shares = {"v / v_max [-]": (v / m10id.VELOCITY).max(), "a / a_max [-]": (a / paper.ACCELERATION).max()}
     named = {"time [s]": float(found.x.sum()), **_named(found.x), **{k: float(x) for k, x in shares.items()}}
     method = f"exchange, IPOPT, {STARTS} starts, {TIMINGS[timing]}"
     runs.append(Run("ours", method, words, 0, named, found.seconds, found.iterations, found.audit.verdict))
