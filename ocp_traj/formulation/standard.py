@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import casadi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ocp_traj.formulation.requirements import ORDERS, Expression, PathConstraint, PointConstraint, Points
+from ocp_traj.formulation.requirements import ORDERS, Expression, PathConstraint, PointConstraint, Points, State
+from ocp_traj.robot.collision import Obstacle
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.robot import Robot
 
@@ -61,6 +62,30 @@ def tool_box(robot: Robot, lower: ArrayLike, upper: ArrayLike, eq: str = "") -> 
     """``tool-box``: the tool frame's origin within a box of the world [m]; infinite where a side is open."""
     low, high = (np.asarray(bound, dtype=float) for bound in (lower, upper))
     return PathConstraint("tool-box", lambda s: robot.tool_pose(s.q)[1], low, high, ("m",) * 3, AXES, eq)
+
+
+def clear_of(
+    obstacles: Sequence[Obstacle], direction: Callable[[Any], Any], clearance: Callable[[State], Any], eq: str = ""
+) -> tuple[PathConstraint, ...]:
+    """``obstacles`` and ``far-obstacles``: a link keeps clear of spheres within its reach, and of those beyond.
+
+    Args:
+        obstacles: grown by the link's radius.
+        direction: of the link ``(3,)``, of q.
+        clearance: by how much each may grow [rad], of the state.
+        eq: equation of the source.
+    """
+    found = []
+    for id, within in (("obstacles", True), ("far-obstacles", False)):
+        if some := [o for o in obstacles if o.within_reach == within]:
+
+            def excess(s: State, some: Sequence[Obstacle] = some) -> Any:
+                return casadi.vertcat(*(o.excess(direction(s.q), clearance(s), s.s) for o in some))
+
+            labels, none = tuple(f"obstacle {o.number}" for o in some), np.full(len(some), -np.inf)
+            units = ("-",) * len(some)
+            found.append(PathConstraint(id, excess, none, np.zeros(len(some)), units, labels, eq, sweep=not within))
+    return tuple(found)
 
 
 def rest(
