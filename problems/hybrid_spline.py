@@ -21,7 +21,7 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.curves.families import cubic_spline_free_ends
 from ocp_traj.errors import InputError
@@ -30,9 +30,9 @@ from ocp_traj.formulation.case import check, choice, number, numbers
 from ocp_traj.formulation.objective import MIDPOINT, TRAPEZOID, Objective
 from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.formulation.requirements import PathConstraint, Requirements, State
+from ocp_traj.problems import hybrid_robot
 from ocp_traj.problems.hybrid_robot import GRAVITY, JOINTS, L1, LIMITS, UNITS
-from ocp_traj.problems.hybrid_robot import inverse_kinematics as inverse_kinematics
-from ocp_traj.problems.hybrid_robot import robot as robot
+from ocp_traj.robot.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -93,11 +93,26 @@ def task_points() -> tuple[Array, Array]:
     return np.stack([x, y, z], axis=1) * 1e-3, axis
 
 
-def via_points(case: Guo2016) -> Array:
+def via_points(case: Guo2016 | None = None) -> Array:
     """The 11 via points in joint space ``(11, 5)`` [m, rad]."""
-    if case.via_points == "table6":
+    if case and case.via_points == "table6":
         return np.asarray(np.array(TABLE_6) * np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0]))
-    return inverse_kinematics(*task_points())
+    return hybrid_robot.joints_of(*task_points())
+
+
+def robot(case: Guo2016 | None = None) -> Robot:
+    """The hybrid robot, the same of every case."""
+    return hybrid_robot.robot()
+
+
+def forward_kinematics(q: ArrayLike, case: Guo2016 | None = None) -> tuple[Array, Array]:
+    """Tool poses, rotation ``(N, 3, 3)`` and position ``(N, 3)`` [m], of joint coordinates ``(N, 5)`` [m, rad]."""
+    return robot().poses(q)
+
+
+def inverse_kinematics(rotation: ArrayLike, position: ArrayLike, case: Guo2016 | None = None) -> Array:
+    """Joint coordinates ``(N, 2, 5)`` [m, rad] of tool poses; NaN where the tool does not get there."""
+    return hybrid_robot.inverse_kinematics(rotation, position)
 
 
 # Of the default case, each with another within the reference point; python benchmarks/ideal_points.py hybrid-spline

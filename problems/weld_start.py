@@ -147,8 +147,8 @@ def _wrist_distance(place: Array, axis: Array, case: Case) -> float:
         x = np.cos(spin) * side[0] + np.sin(spin) * side[1]
         rotation = np.stack([x, np.cross(axis, x), axis], axis=1)
         wrist = place + rotation @ kr90.wrist_from_tip()
-        out = np.hypot(wrist[0], wrist[1]) - kr90.SHOULDER[0]
-        best = min(best, float(np.hypot(out, wrist[2] - case.riser - kr90.SHOULDER[1])))
+        out = np.hypot(wrist[0], wrist[1]) - kr90.ARM.a1
+        best = min(best, float(np.hypot(out, wrist[2] - case.riser - kr90.ARM.d1)))
     return best
 
 

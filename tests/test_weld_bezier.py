@@ -54,8 +54,8 @@ def test_the_wrist_lies_where_the_tip_says_and_never_beyond_its_reach() -> None:
         other = q + np.array([0.0, 0.0, 0.0, 0.3, -0.7, 1.1])  # the wrist's joints do not move its centre
         moved = machine.tip(other)
         assert_allclose(moved.translation + moved.rotation @ kr90.wrist_from_tip(), wrist, atol=1e-12)
-        out = np.array([np.cos(q[0]), -np.sin(q[0])]) @ wrist[:2] - kr90.SHOULDER[0]
-        longest = max(longest, float(np.hypot(out, wrist[2] - 0.6 - kr90.SHOULDER[1])))
+        out = np.array([np.cos(q[0]), -np.sin(q[0])]) @ wrist[:2] - kr90.ARM.a1
+        longest = max(longest, float(np.hypot(out, wrist[2] - 0.6 - kr90.ARM.d1)))
     assert longest <= kr90.REACH + 1e-12
     assert longest == pytest.approx(kr90.REACH, rel=1e-6)
 
