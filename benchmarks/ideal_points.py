@@ -29,7 +29,7 @@ def best_values(problem: Problem, name: str, seeds: int) -> dict[str, float]:
         for alternative in (problem.alternatives or {"": problem}).values()
         for scalar in scalars
         for seed in range(seeds)
-        for solution in Multistart(Exchange(), max(2, problem.starts), seed).solve_all(alternative, scalar)
+        for solution in Multistart(Exchange(), max(2, problem.tuning.starts), seed).solve_all(alternative, scalar)
         if solution.audit is not None and solution.audit.proved
     ]
     signs = {n: 1.0 if problem.objective(n).sense == "min" else -1.0 for n in reference}

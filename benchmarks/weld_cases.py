@@ -44,8 +44,8 @@ def main() -> None:
             solution = ot.solve(problem, objective=objective)
             seconds = time.perf_counter() - begun
             verdict, air, rms, most, tilt = "-", "-", "-", "-", "-"
-            if solution.trajectory is not None and solution.audit is not None and problem.figures is not None:
-                figures = problem.figures(solution.trajectory)
+            if solution.trajectory is not None and solution.audit is not None and problem.about.figures is not None:
+                figures = problem.about.figures(solution.trajectory)
                 rms, most, tilt = f"{figures[0][1]:.4f}", f"{figures[1][1]:.4f}", f"{figures[2][1]:.3f}"
                 verdict, air = solution.audit.verdict, f"{solution.objectives['air_time']:.3f}"
             _print(

@@ -15,6 +15,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which run no ``__getattr_
     from ocp_traj.api import solve as solve
     from ocp_traj.curves.bernstein import PiecewiseBezier as PiecewiseBezier
     from ocp_traj.formulation import standard as standard
+    from ocp_traj.formulation.about import About as About
     from ocp_traj.formulation.objective import Objective as Objective
     from ocp_traj.formulation.problem import Problem as Problem
     from ocp_traj.formulation.problem import Variable as Variable
@@ -24,6 +25,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which run no ``__getattr_
     from ocp_traj.formulation.requirements import PointConstraint as PointConstraint
     from ocp_traj.formulation.requirements import Requirements as Requirements
     from ocp_traj.formulation.requirements import State as State
+    from ocp_traj.formulation.tuning import Tuning as Tuning
     from ocp_traj.io.export import export as export
     from ocp_traj.io.plot import plot_front as plot_front
     from ocp_traj.io.plot import plot_trajectory as plot_trajectory
@@ -60,6 +62,8 @@ _PUBLIC = {
     "plot_trajectory": "ocp_traj.io.plot:plot_trajectory",
     "Problem": "ocp_traj.formulation.problem:Problem",
     "Variable": "ocp_traj.formulation.problem:Variable",
+    "About": "ocp_traj.formulation.about:About",
+    "Tuning": "ocp_traj.formulation.tuning:Tuning",
     "Objective": "ocp_traj.formulation.objective:Objective",
     "Requirements": "ocp_traj.formulation.requirements:Requirements",
     "State": "ocp_traj.formulation.requirements:State",

@@ -113,7 +113,7 @@ def _solve(
     seed: int, all_optima: bool, solver: Exchange | None, certify: bool | None, progress: Progress, **options: Any,
 ) -> Solution:  # fmt: skip
     if starts is None:
-        starts = max(problem.starts, OPTIMA_STARTS if all_optima else 1)
+        starts = max(problem.tuning.starts, OPTIMA_STARTS if all_optima else 1)
     if starts < 1:
         raise InputError(f"starts is {starts}; give one or more")
     if method not in SOLVE_METHODS:
@@ -214,7 +214,7 @@ def _by_parts(
         for name in scalar.names:
             if name not in known:
                 raise InputError(
-                    f"{problem.id} is solved by parts here, and {part.title!r} has no objective {quoted(name)}; "
+                    f"{problem.id} is solved by parts here, and {part.about.title!r} has no objective {quoted(name)}; "
                     f"it has {', '.join(known)}"
                 )
         solution = solve(
@@ -222,7 +222,7 @@ def _by_parts(
             certify=False, **options,
         )  # fmt: skip
         if not solution.ok:
-            return replace(solution, name=part.title, seconds=time.perf_counter() - begun)
+            return replace(solution, name=part.about.title, seconds=time.perf_counter() - begun)
         parts.append(solution)
     x = np.clip(recipe.combine([part.x for part in parts]), problem.lower, problem.upper)
     candidate, found = audit_points(problem, [x])[0]

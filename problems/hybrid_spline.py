@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from ocp_traj.curves.families import cubic_spline_free_ends
 from ocp_traj.errors import InputError
 from ocp_traj.formulation import standard
+from ocp_traj.formulation.about import About
 from ocp_traj.formulation.case import check, choice, number, numbers
 from ocp_traj.formulation.objective import MIDPOINT, TRAPEZOID, Objective
 from ocp_traj.formulation.problem import Problem, Variable
@@ -190,13 +191,10 @@ def build(case: Guo2016 | None = None) -> Problem:
     ends = standard.rest(JOINTS, UNITS, eq="sect. 3.2"), standard.via_points(points, knots, JOINTS, UNITS, "(127)")
     return Problem(
         id="hybrid-spline",
-        title="5-DOF hybrid robot, cubic splines, payload",
-        reference="Guo et al. (2016), doi:10.1155/2016/1302537",
         case=case,
         robot=machine,
         variables=variables,
         curve=lambda x: cubic_spline_free_ends(points, x[:12]),
-        curve_kind="cubic spline, 12 segments, free end knots",
         parameters=lambda x: x[12:13] if case.free_payload else casadi.SX(case.payload),
         objectives=tuple(objectives),
         default_objective="cost",
@@ -205,6 +203,11 @@ def build(case: Guo2016 | None = None) -> Problem:
         requirements=Requirements(JOINTS, UNITS, limits, ends, ("payload",), continuity=2),
         guess=guess,
         dilate=lambda x, s: np.concatenate([np.asarray(x)[:12] * s, np.asarray(x)[12:]]),
+        about=About(
+            "5-DOF hybrid robot, cubic splines, payload",
+            "Guo et al. (2016), doi:10.1155/2016/1302537",
+            "cubic spline, 12 segments, free end knots",
+        ),
     )
 
 

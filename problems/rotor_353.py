@@ -27,6 +27,7 @@ from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.families import polynomial_353
 from ocp_traj.errors import InputError
 from ocp_traj.formulation import standard
+from ocp_traj.formulation.about import About
 from ocp_traj.formulation.case import check, choice, number, numbers
 from ocp_traj.formulation.objective import Objective, gauss
 from ocp_traj.formulation.problem import Decomposition, Problem, Variable
@@ -250,13 +251,10 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
 
     return Problem(
         id="rotor-353",
-        title="FANUC M-10iD/8L, 3-5-3 polynomials" + ("" if whole else f", {joints[0]} alone"),
-        reference="Zhu and Wang, improved particle swarm, 3-5-3 polynomials",
         case=case,
         robot=machine if whole else None,
         variables=(durations, mass) if free else (durations,),
         curve=lambda x: polynomial_353(where, x[:3]),
-        curve_kind="3-5-3 polynomials, 3 segments",
         parameters=lambda x: x[3:4] if free else casadi.SX(case.payload),
         objectives=tuple(objectives),
         default_objective="time",
@@ -266,8 +264,13 @@ def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple
         guess=guess,
         dilate=lambda x, s: np.concatenate([np.asarray(x)[:3] * s, np.asarray(x)[3:]]),
         scales_in_time=not free,
-        notes=notes(case),
         decomposition=Decomposition(parts, lambda xs: np.max(xs, axis=0)) if parts else None,
+        about=About(
+            "FANUC M-10iD/8L, 3-5-3 polynomials" + ("" if whole else f", {joints[0]} alone"),
+            "Zhu and Wang, improved particle swarm, 3-5-3 polynomials",
+            "3-5-3 polynomials, 3 segments",
+            notes(case),
+        ),
     )
 
 

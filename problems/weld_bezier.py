@@ -34,6 +34,7 @@ from ocp_traj.curves.families import nonic
 from ocp_traj.curves.motion import Motion
 from ocp_traj.errors import InputError
 from ocp_traj.formulation import standard
+from ocp_traj.formulation.about import About
 from ocp_traj.formulation.case import check, choice, number, numbers
 from ocp_traj.formulation.objective import Objective, gauss
 from ocp_traj.formulation.problem import Problem, Variable
@@ -45,6 +46,7 @@ from ocp_traj.formulation.requirements import (
     Requirements,
     State,
 )
+from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.paths.pieces import Pieces, at_piece
 from ocp_traj.paths.polyline_seam import PolylineSeam
 from ocp_traj.paths.seam import Placement, Seam, TubeSeam
@@ -233,7 +235,7 @@ def _scaled_states(block: Any, weld: float, orders: Sequence[int]) -> Any:
 def _problem(
     case: Ogbemhe2019, machine: Robot, variables: Sequence[Variable], curve: Callable[[Any], PiecewiseBezier],
     limits: Sequence[PathConstraint], points: Sequence[PointConstraint], guess: Callable[[np.random.Generator], Array],
-    words: str, durations: tuple[DurationConstraint, ...] = (), **more: Any,
+    durations: tuple[DurationConstraint, ...] = (), **more: Any,
 ) -> Problem:  # fmt: skip
     """What both cases share; the last two variables are the air moves' durations."""
     count = sum(len(v.labels) for v in variables)
@@ -241,8 +243,6 @@ def _problem(
     upper = np.concatenate([v.upper for v in variables])
     return Problem(
         id="weld-bezier",
-        title=f"KUKA KR90 stand-in, nonic Bezier segments, {words}",
-        reference="Ogbemhe, Mpofu and Tlale (2019), IEEE Access",
         case=case,
         robot=machine,
         variables=tuple(variables),
@@ -253,10 +253,13 @@ def _problem(
             JOINTS, ("rad",) * 6, tuple(limits), tuple(points), continuity=4, duration_constraints=durations
         ),
         guess=lambda rng: np.clip(guess(rng), lower, upper),
-        local_derivatives=True,
-        notes=notes(case),
         **more,
     )
+
+
+def _about(case: Ogbemhe2019, words: str, curve_kind: str, **more: Any) -> About:
+    title = f"KUKA KR90 stand-in, nonic Bezier segments, {words}"
+    return About(title, "Ogbemhe, Mpofu and Tlale (2019), IEEE Access", curve_kind, notes(case), **more)
 
 
 def notes(case: Ogbemhe2019) -> tuple[str, ...]:
@@ -313,21 +316,27 @@ def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstr
     return _problem(
         case, machine, variables, curve, (*limits, *tracked),
         (_rest_constraint("start", (0, 0.0), home), _rest_constraint("end", (-1, 1.0), home)),
-        guess, "a tubular seam" if not case.seam_file else "a seam",
+        guess,
         durations=(DurationConstraint("weld-time", tuple(range(1, tags)), pace, pace, "our choice"),),
-        curve_kind=f"nonic Bezier, approach, {tags - 1} pieces of the seam, retract",
         reference_point={"air_time": 12.0, "effort": 12.0, "movement": 25.0},
         best_values=BEST if case == Ogbemhe2019() else {},
-        instants={"tcp": _nodes(10), "tilt": _nodes(4), "snap-limit": _extremes(7)},
-        instants_move=False,
-        regularisation=TRACES,
-        figures=partial(_figures, machine, seam(case), cut),
-        # The torch's spin leaves valleys that bend: short steps down them, made longer soon, and a barrier that is low
-        # from the start; the stepping stone lies in the middle of a valley.
-        solver_options={
-            "tol": 1e-4, "mu_target": 1e-4, "mu_init": 1e-3, "perturb_dec_fact": 0.1, "constr_viol_tol": 1e-9,
-        },
-        stepping_stone="total",
+        tuning=Tuning(
+            instants={"tcp": _nodes(10), "tilt": _nodes(4), "snap-limit": _extremes(7)},
+            instants_move=False,
+            local_derivatives=True,
+            regularisation=TRACES,
+            # The torch's spin leaves valleys that bend: short steps down them, made longer soon, and a barrier that is
+            # low from the start; the optimum of "total" lies in the middle of a valley.
+            solver_options={
+                "tol": 1e-4, "mu_target": 1e-4, "mu_init": 1e-3, "perturb_dec_fact": 0.1, "constr_viol_tol": 1e-9,
+            },
+            warm_start_objective="total",
+        ),
+        about=_about(
+            case, "a seam" if case.seam_file else "a tubular seam",
+            f"nonic Bezier, approach, {tags - 1} pieces of the seam, retract",
+            figures=partial(_figures, machine, seam(case), cut),
+        ),
     )  # fmt: skip
 
 
@@ -382,10 +391,11 @@ def _air_move(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstraint
     return _problem(
         case, machine, variables, curve, limits,
         (_rest_constraint("start", (0, 0.0), points[0]), via_point, _rest_constraint("end", (-1, 1.0), points[2])),
-        guess, "an air move through a via point",
-        curve_kind="nonic Bezier, 2 segments",
-        starts=3,  # our choice: Coulomb friction makes many local optima of dynamic effort
+        guess,
         reference_point={"air_time": 9.0, "dynamic_effort": 0.05, "effort": 2.0, "movement": 2.0},
         best_values=BEST_AIR_MOVE if case == Ogbemhe2019(case="air-move") else {},
         dilate=dilate,
+        # Our choice: Coulomb friction makes many local optima of dynamic effort.
+        tuning=Tuning(starts=3, local_derivatives=True),
+        about=_about(case, "an air move through a via point", "nonic Bezier, 2 segments"),
     )  # fmt: skip

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import hypot, isfinite, pi, sqrt
 from typing import Any
 
@@ -29,11 +30,13 @@ from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.families import quartic_quintic
 from ocp_traj.errors import InputError
 from ocp_traj.formulation import standard
+from ocp_traj.formulation.about import About
 from ocp_traj.formulation.case import check, choice, number, numbers
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.formulation.requirements import PathConstraint, PointConstraint, Requirements
 from ocp_traj.formulation.rows import Conflict
+from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.problems import wrist
 from ocp_traj.problems.wrist import JOINTS, UNITS
 from ocp_traj.robot.collision import Obstacle, least_clearance
@@ -183,7 +186,7 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
         room = max(min(float(o.clearance(ends).min()) for o in spheres), case.min_clearance + ROOM)
         least, most = np.array([case.min_clearance]), np.array([room])  # no trajectory has more than its ends have
         margin = ("least clearance",)
-        variables.append(Variable("margin", least, most, "rad", margin, "our choice", auxiliary_to="clearance"))
+        variables.append(Variable("margin", least, most, "rad", margin, "our choice", slack_of="clearance"))
         objectives.append(Objective("clearance", "rad", 0.1, "max", "our choice", of_variables=lambda x, p: x[9]))
         worst["clearance"] = case.min_clearance
     lower, upper = np.concatenate([v.lower for v in variables]), np.concatenate([v.upper for v in variables])
@@ -203,24 +206,18 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
         slower[7:9] *= s
         return slower
 
-    def settle(x: Array) -> Array:
-        settled = np.array(x, dtype=float)
-        found = least_clearance(curve(settled), wrist.directions, spheres) - RESERVE
-        settled[9] = np.clip(found, case.min_clearance, room)
-        return settled
-
-    def explain(conflict: Conflict) -> str:
-        return _explain(case, spheres, conflict)
+    def tighten_slacks(x: Array) -> Array:
+        tight = np.array(x, dtype=float)
+        found = least_clearance(curve(tight), wrist.directions, spheres) - RESERVE
+        tight[9] = np.clip(found, case.min_clearance, room)
+        return tight
 
     return Problem(
         id="wrist-obstacle",
-        title="spherical wrist, quartic and quintic, obstacles",
-        reference="El Haiek et al. (2019), Procedia Manufacturing 32, 960-968",
         case=case,
         robot=machine,
         variables=tuple(variables),
         curve=curve,
-        curve_kind="quartic and quintic through one via point",
         parameters=(lambda x: x[9]) if spheres else (lambda x: casadi.SX(0, 1)),
         objectives=tuple(objectives),
         default_objective="fitness",
@@ -234,15 +231,22 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
             ("clearance",) if spheres else (),
             continuity=2,
         ),  # fmt: skip
-        starts=4,  # our choice: there are many local optima
-        instants=13,  # our choice: from fewer the first rounds wander from one local optimum to another
-        rounds=40,  # our choice: past two obstacles optima lie in valleys so flat that 26 rounds were needed
-        expand=True,
         guess=guess,
         dilate=dilate,
-        homotopy=lambda trajectory: wrist.way(trajectory.curve, spheres, branch),
-        settle=settle if spheres else None,
-        explain=explain,
+        tighten_slacks=tighten_slacks if spheres else None,
+        tuning=Tuning(
+            starts=4,  # our choice: there are many local optima
+            instants=13,  # our choice: from fewer the first rounds wander from one local optimum to another
+            max_exchanges=40,  # our choice: past two obstacles valleys are so flat that 26 rounds were needed
+            expand=True,
+        ),
+        about=About(
+            "spherical wrist, quartic and quintic, obstacles",
+            "El Haiek et al. (2019), Procedia Manufacturing 32, 960-968",
+            "quartic and quintic through one via point",
+            homotopy_class=lambda motion: wrist.way(motion.curve, spheres, branch),
+            describe_conflict=partial(_describe_conflict, case, spheres),
+        ),
     )
 
 
@@ -270,7 +274,7 @@ def _points(start: Array, goal: tuple[float, float]) -> tuple[PointConstraint, .
     return rest, first, last
 
 
-def _explain(case: ElHaiek2019, spheres: Sequence[Obstacle], conflict: Conflict) -> str:
+def _describe_conflict(case: ElHaiek2019, spheres: Sequence[Obstacle], conflict: Conflict) -> str:
     if conflict.row.limit not in ("obstacles", "far-obstacles"):
         return ""
     sphere = spheres[int(conflict.row.label.split()[-1]) - 1]

@@ -53,7 +53,7 @@ class Exchange:
 
     Attributes:
         solver: of the NLPs.
-        max_rounds: solves; as many as the problem asks for if not given.
+        max_exchanges: solves; as many as the problem asks for if not given.
         back_off: tightening of the limits in the NLP, so that a solution at a limit can be proved to be within it.
         repair: whether to slow an unproved last solution down until it is proved, where the problem allows that.
         first: the first grid; None for ``few_instants``.
@@ -61,7 +61,7 @@ class Exchange:
     """
 
     solver: Ipopt = field(default_factory=Ipopt)
-    max_rounds: int | None = None
+    max_exchanges: int | None = None
     back_off: float = BACK_OFF
     repair: bool = True
     first: Sequence[Instant] | None = None
@@ -71,9 +71,9 @@ class Exchange:
         """The NLP of the first round."""
         return transcribe(problem, scalarisation, self._first(problem), self.back_off)
 
-    def rounds(self, problem: Problem) -> int:
+    def exchanges(self, problem: Problem) -> int:
         """How many rounds a problem gets."""
-        return problem.rounds if self.max_rounds is None else self.max_rounds
+        return problem.tuning.max_exchanges if self.max_exchanges is None else self.max_exchanges
 
     def _first(self, problem: Problem) -> list[Instant]:
         # Slopes of another solution mislead.
@@ -131,7 +131,7 @@ class Exchange:
         x, extra, iterations = np.asarray(x0, dtype=float), np.zeros(0), 0
         back_off, before, excess = self.back_off, np.inf, np.inf
         last: Solution | None = None  # feasible at its instants
-        most = self.rounds(problem)
+        most = self.exchanges(problem)
         for number in range(1, most + 1):
             nlp = transcribe(problem, scalarisation, instants, back_off)
             start = nlp.start(x)
@@ -160,23 +160,23 @@ class Exchange:
             if solution.audit.proved:
                 proved.append(solution)
                 if updated is None:
-                    return _settled(problem, scalarisation, solution)
+                    return _tightened(problem, scalarisation, solution)
             before, excess = excess, largest_excess(problem, solution.audit)
             if before / STALLED < excess < NEGLIGIBLE:
                 back_off += 2.0 * excess  # flat peaks wander for ever: stay clear of the limit by what they wander
             peaks = worst_instants(problem, x, solution.trajectory, solution.audit, self.back_off)
             instants = updated or instants
-            if number == 1 and self.first is None and problem.instants is None:
+            if number == 1 and self.first is None and problem.tuning.instants is None:
                 instants = _near(instants, problem, solution)
             instants, renamed = _merge(instants, peaks, x, problem, keep=excess > before / GAINS)
             inherited = {new: solution.multipliers.get(old, 0.0) for new, old in renamed.items()}
             warm = replace(solution, multipliers={**solution.multipliers, **inherited})
         if proved:
-            return _settled(problem, scalarisation, replace(proved[-1], seconds=time.perf_counter() - begun))
+            return _tightened(problem, scalarisation, replace(proved[-1], seconds=time.perf_counter() - begun))
         if self.repair and last is not None:
             last = _mended(problem, scalarisation, last, extra, self.solver.feasibility)
         if last is not None and last.audit is not None and last.audit.proved:
-            return _settled(problem, scalarisation, replace(last, seconds=time.perf_counter() - begun))
+            return _tightened(problem, scalarisation, replace(last, seconds=time.perf_counter() - begun))
         # Infeasible on the way is an answer, with the limits in conflict; else there is a point, but no proof of it.
         if solution.ok:
             gain = "the exchange has stalled" if excess > before / GAINS else "the last one still gained"
@@ -222,11 +222,11 @@ def _mended(
     return _finished(problem, scalarisation, slowed, mended, time.perf_counter(), found)
 
 
-def _settled(problem: Problem, scalarisation: Scalarisation, solution: Solution) -> Solution:
-    """The solution with its auxiliary variables at what its curve really has, where that is proved as well."""
-    if problem.settle is None:
+def _tightened(problem: Problem, scalarisation: Scalarisation, solution: Solution) -> Solution:
+    """The solution with the slacks of its objectives at what its curve really has, where that is proved as well."""
+    if problem.tighten_slacks is None:
         return solution
-    found = _finished(problem, scalarisation, solution, problem.settle(solution.x), time.perf_counter())
+    found = _finished(problem, scalarisation, solution, problem.tighten_slacks(solution.x), time.perf_counter())
     proved = found.audit is not None and found.audit.proved
     return replace(found, seconds=solution.seconds) if proved else solution
 
@@ -243,7 +243,7 @@ def _finished(
     candidate, found = (trajectory_of(problem, x), checked) if checked else audit_points(problem, [x])[0]
     objectives = evaluate_objectives(problem, x)
     # The NLP's sum of steps may fall short of a total variation, and traces are not what is asked for.
-    if variations(problem, scalarisation.names) or problem.regularisation:
+    if variations(problem, scalarisation.names) or problem.tuning.regularisation:
         exact = scalarisation.apply(problem, objectives)
         solution = replace(solution, f=float(exact.f)) if exact.extra is None else solution
     return replace(

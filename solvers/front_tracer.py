@@ -86,7 +86,7 @@ class FrontTracer:
             complete = False
             try:
                 trace.ends()
-                if len(objectives) == 2 and problem.starts > 1:
+                if len(objectives) == 2 and problem.tuning.starts > 1:
                     trace.sharpen()
                 trace.fill() if len(objectives) == 2 else trace.lattice()
                 complete = True
@@ -133,7 +133,7 @@ class _Trace:
         """
         missing: list[tuple[str, Solution]] = []
         for k, name in enumerate(self.names):
-            starts = max(self.tracer.starts, self.problem.starts)
+            starts = max(self.tracer.starts, self.problem.tuning.starts)
             start = Multistart(self.tracer.solver, starts, self.tracer.seed + k)
             solution = start.solve(self.problem, self._end(name))
             self._count(self._end(name), solution)
@@ -178,7 +178,7 @@ class _Trace:
                 return
             other, value = self.names[1 - k], self.values[k, k]
             scalar = EpsilonConstraint(other, {name: float(self.signs[k] * (value + LOSS * span[k]))})
-            starts = max(self.tracer.starts, self.problem.starts)
+            starts = max(self.tracer.starts, self.problem.tuning.starts)
             solution = Multistart(self.tracer.solver, starts, self.tracer.seed + len(self.names) + k).solve(
                 self.problem, scalar
             )
@@ -279,11 +279,11 @@ class _Trace:
         others = [self.solutions[i].x for i in neighbours if i != nearest]
         # Once more, from the neighbours themselves and with all rows: of many local optima the other may lead to a
         # better one.
-        for x in [known.x, *others] if not solution.own.ok else others if self.problem.starts > 1 else []:
+        for x in [known.x, *others] if not solution.own.ok else others if self.problem.tuning.starts > 1 else []:
             again = self.tracer.solver.solve(self.problem, scalar, x)
             self._count(scalar, again)
             solution = best_of([solution, again])
-            if solution.own.ok and self.problem.starts == 1:
+            if solution.own.ok and self.problem.tuning.starts == 1:
                 break
         new = False
         if solution.ok:

@@ -191,7 +191,7 @@ class HMOGA:
     def _first(self, problem: Problem, objectives: Sequence[str], ends: list[Array], rng: np.random.Generator) -> Array:
         """The first generation ``(population, n)``: the ends, points between and around them, random points."""
         points = ends[: self.population]
-        idle = problem.idle(objectives)
+        inactive = problem.inactive(objectives)
         lower, upper = problem.lower, problem.upper
         while len(points) < self.population:
             if ends and len(points) < self.seeded * self.population:
@@ -203,7 +203,7 @@ class HMOGA:
                 x = np.clip(x + step * (upper - lower) * rng.standard_normal(problem.size), lower, upper)
             else:
                 x = problem.guess(rng)
-            points.append(np.where(idle, lower, x))
+            points.append(np.where(inactive, lower, x))
         return np.array(points)
 
 

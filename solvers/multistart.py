@@ -33,7 +33,7 @@ ONE_POINT = 1e-6  # of the variables' size: our choice, far above the solver's t
 class Multistart:
     """Runs ``solver`` from ``starts`` random points; start i depends on the seed and i alone, and like points are one.
 
-    Where the problem has a stepping stone, each point is first taken there.
+    Where the problem has a ``warm_start_objective``, a point is first moved to an optimum of that.
 
     Attributes:
         solver: of one start.
@@ -98,11 +98,11 @@ class Multistart:
         )  # fmt: skip
 
     def _alone(self, problem: Problem, scalarisation: Scalarisation, x0: Array) -> list[Solution]:
-        stone = problem.stepping_stone
-        if stone in ("", *scalarisation.names):
+        easiest = problem.tuning.warm_start_objective
+        if easiest in ("", *scalarisation.names):
             return [self.solver.solve(problem, scalarisation, x0)]
-        key = "stepping stone", repr(self.solver), x0.tobytes()
-        first = problem.cached(key, lambda: self.solver.solve(problem, WeightedSum({stone: 1.0}), x0))
+        key = "warm start", repr(self.solver), x0.tobytes()
+        first = problem.cached(key, lambda: self.solver.solve(problem, WeightedSum({easiest: 1.0}), x0))
         if not first.ok:
             return [self.solver.solve(problem, scalarisation, x0)]
         solution = replace(self.solver, first=first.instants).solve(problem, scalarisation, first.x)
@@ -118,7 +118,7 @@ class Multistart:
         """
         usual = self.solver
         close = replace(usual.solver, options={**NARROW, **usual.solver.options})
-        narrow = replace(usual, solver=close, max_rounds=max(ROUNDS, usual.rounds(problem)))
+        narrow = replace(usual, solver=close, max_exchanges=max(ROUNDS, usual.exchanges(problem)))
         nlps: list[tuple[Exchange, NLP, list[_Pair]]] = [
             (solver, solver.opening(problem, scalarisation), []) for solver in (usual, narrow)
         ]

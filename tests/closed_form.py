@@ -58,10 +58,7 @@ def quintic_problem(case: Quintic | None = None, velocity_limit: str = "velocity
     )
     return Problem(
         id="quintic",
-        title="one joint",
-        reference="closed form",
         case=case,
-        robot=None,
         variables=(Variable("T", np.array([0.1]), np.array([10.0]), "s", ("T",)),),
         curve=lambda x: PiecewiseBezier(x[0], (ca.SX(ends),)),
         objectives=(
@@ -107,10 +104,7 @@ def septic_problem(case: Septic | None = None) -> Problem:
 
     return Problem(
         id="septic",
-        title="one joint",
-        reference="closed form",
         case=case,
-        robot=None,
         variables=(Variable("P", np.full(2, -5.0), np.full(2, 5.0), "rad", ("P3", "P4")),),
         curve=curve,
         objectives=(Objective("jerk", "rad2/s5", 10.0, integrand=lambda s: s.jerk**2, quadrature=gauss(8)),),
@@ -141,10 +135,7 @@ def stairs_problem(case: Stairs | None = None) -> Problem:
     constant = 120.0 / 7.0
     return Problem(
         id="stairs",
-        title="two moves",
-        reference="closed form",
         case=case,
-        robot=None,
         variables=(Variable("T", np.full(2, 0.5), np.full(2, 6.0), "s", ("T1", "T2")),),
         curve=lambda x: PiecewiseBezier(x, tuple(ca.SX(p) for p in points)),
         objectives=(
@@ -210,10 +201,7 @@ def mixed_problem(case: Mixed | None = None) -> Problem:
     )
     return Problem(
         id="mixed",
-        title="mixed degrees",
-        reference="none",
         case=case,
-        robot=None,
         variables=(
             Variable("T", np.full(3, 0.3), np.full(3, 4.0), "s", ("T1", "T2", "T3")),
             Variable("rest", np.full(3, -2.0), np.full(3, 2.0), "m", ("p", "x", "y")),

@@ -53,15 +53,10 @@ def build(case: FlashHogan1985 | None = None) -> ot.Problem:
     jerk = ot.Objective("jerk", "m2/s5", 100.0, eq="(1)", integrand=lambda s: 0.5 * casadi.sumsqr(s.jerk))
     return ot.Problem(
         id="fifth-paper",
-        title="hand movements of least jerk",
-        reference="Flash and Hogan (1985), J. Neuroscience 5(7)",
         case=case,
-        robot=None,
         variables=(ot.Variable("P", -bounds, bounds, "m", ("x3", "y3", "x4", "y4"), "our choice"),),
         curve=curve,
-        curve_kind="Bezier of degree 7, one segment",
         objectives=(jerk,),
-        default_objective="jerk",
         requirements=ot.Requirements(
             JOINTS, UNITS, ot.standard.joint_limits(limits, JOINTS, UNITS, {"velocity": "our choice"}),
             (
@@ -71,4 +66,9 @@ def build(case: FlashHogan1985 | None = None) -> ot.Problem:
             continuity=2,
         ),
         guess=lambda rng: rng.uniform(0.0, 0.6, 4),
+        about=ot.About(
+            "hand movements of least jerk",
+            "Flash and Hogan (1985), J. Neuroscience 5(7)",
+            "Bezier of degree 7, one segment",
+        ),
     )  # fmt: skip

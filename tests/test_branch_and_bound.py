@@ -44,7 +44,7 @@ def small_problem(seed: int, longest: float = 60.0, position: float = np.inf) ->
         limits.append(PathConstraint.on_derivative("position-limit", 0, -reach, reach, ("rad",) * 2, joints))
     low, high = np.full(3, 0.05), np.full(3, longest)
     return Problem(
-        id="small", title="", reference="", case=Plain(), robot=None,
+        id="small", case=Plain(),
         variables=(Variable("t", low, high, "s", ("t1", "t2", "t3")),),
         curve=lambda x: polynomial_353(points, x),
         objectives=(

@@ -13,6 +13,7 @@ from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint
 from ocp_traj.formulation.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation, WeightedSum
+from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.proof.audit import audit
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.trajectory import trajectory_of
@@ -159,7 +160,7 @@ def test_ten_instants_an_interval_are_more_rows_and_still_broken_between(hybrid:
 
 
 def test_one_round_is_repaired_by_slowing_down(hybrid: Problem) -> None:
-    solution = solve(hybrid, TIME, solver=Exchange(max_rounds=1))
+    solution = solve(hybrid, TIME, solver=Exchange(max_exchanges=1))
     assert solution.status is Status.FEASIBLE
     assert solution.audit is not None and solution.audit.proved
     assert solution.trajectory is not None
@@ -170,18 +171,18 @@ def test_one_round_is_repaired_by_slowing_down(hybrid: Problem) -> None:
 
 
 def test_a_repaired_solution_has_the_value_of_what_it_returns(hybrid: Problem) -> None:
-    solution = solve(hybrid, TIME, solver=Exchange(max_rounds=1))
+    solution = solve(hybrid, TIME, solver=Exchange(max_exchanges=1))
     assert solution.f == pytest.approx(solution.objectives["time"], rel=1e-12)
 
 
 def test_a_repair_does_not_break_a_bound_on_an_objective(hybrid: Problem) -> None:
     """Slowed down, the trajectory takes longer than it may: it is not to be called feasible."""
-    solution = solve(hybrid, EpsilonConstraint("energy", {"time": 2.6}), solver=Exchange(max_rounds=1))
+    solution = solve(hybrid, EpsilonConstraint("energy", {"time": 2.6}), solver=Exchange(max_exchanges=1))
     assert not solution.ok or solution.objectives["time"] <= 2.6 * (1.0 + 1e-7)
 
 
 def test_without_repair_one_round_ends_unproved(hybrid: Problem) -> None:
-    solution = solve(hybrid, TIME, solver=Exchange(max_rounds=1, repair=False))
+    solution = solve(hybrid, TIME, solver=Exchange(max_exchanges=1, repair=False))
     assert solution.audit is not None and not solution.audit.proved
     assert solution.objectives["time"] < FASTEST
 
@@ -289,7 +290,7 @@ FAST, SLOW = np.array([0.3]), np.array([3.0])  # [s]: the first breaks limits, t
 
 
 def test_a_problem_that_does_not_dilate_is_left_unproved_by_one_round_and_says_why() -> None:
-    solution = Exchange(max_rounds=1).solve(replace(quintic_problem(), dilate=None), TIME, FAST)
+    solution = Exchange(max_exchanges=1).solve(replace(quintic_problem(), dilate=None), TIME, FAST)
     assert solution.status is Status.UNPROVED and solution.audit is not None and not solution.audit.proved
     assert solution.x[0] < Quintic().least_time
     why = r"the one round is used up; acceleration-limit j is violated, .* rad/s2 from its bound"
@@ -299,7 +300,7 @@ def test_a_problem_that_does_not_dilate_is_left_unproved_by_one_round_and_says_w
 
 def test_rounds_that_gain_nothing_are_told() -> None:
     """Limits that the NLP has looser by 1e-3 than they are: every round ends beyond them by as much."""
-    solution = Exchange(max_rounds=4, back_off=-1e-3).solve(replace(quintic_problem(), dilate=None), TIME, FAST)
+    solution = Exchange(max_exchanges=4, back_off=-1e-3).solve(replace(quintic_problem(), dilate=None), TIME, FAST)
     assert solution.status is Status.UNPROVED
     assert re.match(
         "all 4 rounds are used up, the exchange has stalled; acceleration-limit j is violated, 0.0049", solution.detail
@@ -313,7 +314,7 @@ def test_a_round_without_a_point_is_named_with_the_solvers_own_word() -> None:
 
 
 def test_a_proved_start_is_returned_where_the_exchange_ends_without_a_proof() -> None:
-    solution = Exchange(max_rounds=1).solve(replace(quintic_problem(), dilate=None), TIME, SLOW)
+    solution = Exchange(max_exchanges=1).solve(replace(quintic_problem(), dilate=None), TIME, SLOW)
     assert solution.status is Status.FEASIBLE and solution.audit is not None and solution.audit.proved
     assert (solution.x.tolist(), solution.f, solution.objectives["time"]) == ([3.0], 1.5, 3.0)
     assert solution.own.status is Status.UNPROVED and solution.own.detail in solution.detail
@@ -359,8 +360,8 @@ def test_a_start_beyond_the_bounds_asked_for_or_without_a_proof_is_not_returned(
         assert Exchange(Elsewhere()).solve(two_valleys(), scalar, start).x[0] == pytest.approx(8.0, abs=0.1)
 
 
-def test_the_start_of_a_stepping_stone_counts_as_well() -> None:
-    problem = replace(two_valleys(), stepping_stone="effort", guess=lambda rng: SLOW)
+def test_the_start_of_a_warm_start_objective_counts_as_well() -> None:
+    problem = replace(two_valleys(), tuning=Tuning(warm_start_objective="effort"), guess=lambda rng: SLOW)
     assert Multistart(Exchange(Elsewhere())).solve(problem, WeightedSum({"valleys": 1.0})).x.tolist() == [3.0]
 
 

@@ -42,10 +42,7 @@ def chooser(senses: Sequence[str] = ("min", "min"), **changes: Any) -> Problem:
     inside = PathConstraint.on_derivative("range", 0, -1.0, 1.0, ("m",), ("slide",))
     return Problem(
         id="chooser",
-        title="",
-        reference="",
         case=NoNumbers(),
-        robot=None,
         curve=lambda x: PiecewiseBezier(casadi.SX(1.0), (casadi.vertcat(x[count], x[count]),)),
         objectives=tuple(objectives),
         requirements=Requirements(("slide",), ("m",), (inside,)),

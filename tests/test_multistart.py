@@ -12,6 +12,7 @@ from ocp_traj.api import solve
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint
 from ocp_traj.formulation.scalarise import EpsilonConstraint, Scalarisation, WeightedSum
+from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.proof.verdicts import PROVED, UNDECIDED, Audit, AuditRow
 from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
@@ -65,9 +66,9 @@ def test_like_points_are_one_start() -> None:
 # --- solving ---
 
 
-def test_a_stepping_stone_is_solved_first_and_once() -> None:
+def test_a_warm_start_objective_is_solved_first_and_once() -> None:
     """What follows begins at its optimum, whatever the guess was."""
-    problem = replace(quintic_problem(), stepping_stone="effort")
+    problem = replace(quintic_problem(), tuning=Tuning(warm_start_objective="effort"))
     plain = quintic_problem()
     begun: list[float] = []
 
@@ -145,7 +146,7 @@ class _Interrupting(Exchange):
 
     def solve(self, *args: object, **options: object) -> Solution:
         counts.append(1)
-        if len(counts) > self.max_rounds:
+        if len(counts) > self.max_exchanges:
             raise KeyboardInterrupt
         return solution(float(-len(counts)))
 
@@ -155,14 +156,14 @@ counts: list[int] = []
 
 def test_ctrl_c_keeps_the_solutions_so_far() -> None:
     counts.clear()
-    found = Multistart(_Interrupting(max_rounds=2), starts=9).solve_all(quintic_problem(), TIME)
+    found = Multistart(_Interrupting(max_exchanges=2), starts=9).solve_all(quintic_problem(), TIME)
     assert [s.f for s in found] == [-1.0, -2.0]
 
 
 def test_ctrl_c_before_the_first_solution_ends_it() -> None:
     counts.clear()
     with pytest.raises(KeyboardInterrupt):
-        Multistart(_Interrupting(max_rounds=0), starts=9).solve_all(quintic_problem(), TIME)
+        Multistart(_Interrupting(max_exchanges=0), starts=9).solve_all(quintic_problem(), TIME)
 
 
 # --- the best ---

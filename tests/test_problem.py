@@ -1,6 +1,6 @@
 """What a problem is made of refuses what does not hang together, and says so; the registry likewise."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import casadi as ca
@@ -11,7 +11,7 @@ from numpy.testing import assert_array_equal
 from ocp_traj import problems
 from ocp_traj.errors import InputError, OcpTrajError, ProblemDefinitionError, UnknownName
 from ocp_traj.formulation.objective import TRAPEZOID, Objective
-from ocp_traj.formulation.problem import Variable
+from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.formulation.requirements import (
     PathConstraint,
     PointConstraint,
@@ -21,6 +21,7 @@ from ocp_traj.formulation.requirements import (
     state_function,
 )
 from ocp_traj.formulation.rows import Row
+from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.results.solution import Solution
 from ocp_traj.transcription.nlp import NLP, Status
 from tests.closed_form import quintic_problem, stairs_problem
@@ -243,12 +244,27 @@ def test_an_objective_may_not_share_the_id_of_a_limit() -> None:
             {"objectives": (Objective("f", "s", terms={"f": 1.0}),), "default_objective": "f"},
             "objective 'f' sums 'f', which is no plain objective",
         ),
+        ({"objectives": (), "default_objective": ""}, "there is no objective"),
+        ({"tuning": Tuning(warm_start_objective="cost")}, "warm start objective 'cost' is not one of"),
+        ({"tuning": Tuning(regularisation={"cost": 1.0})}, "objective of the regularisation 'cost' is not one of"),
         ({"requirements": Requirements(JOINTS, ("m", "m"), ())}, "the curve has 1 joints, the limits 2"),
     ],
 )
 def test_a_bad_problem_is_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ProblemDefinitionError, match=message):
         replace(quintic_problem(), **changes)
+
+
+@pytest.mark.parametrize("name", ["starts", "max_exchanges"])
+def test_tuning_without_a_solve_is_refused(name: str) -> None:
+    with pytest.raises(ProblemDefinitionError, match=f"tuning: {name} is 0; give 1 or more"):
+        Tuning(**{name: 0})
+
+
+def test_six_fields_state_a_problem_and_twenty_are_all() -> None:
+    assert len(fields(Problem)) <= 20
+    given = {f.name: getattr(quintic_problem(), f.name) for f in fields(Problem)[:6]}
+    assert Problem(**given).default_objective == "time"  # the first
 
 
 def test_an_unknown_objective_is_named_with_those_there_are() -> None:

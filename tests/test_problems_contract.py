@@ -86,7 +86,7 @@ def test_every_variable_has_a_label_a_unit_and_bounds_with_room(problem: Problem
 
 def test_the_problem_says_what_it_is(problem: Problem) -> None:
     assert problem.id in problems.names()
-    assert problem.title and problem.reference and problem.curve_kind
+    assert problem.about.title and problem.about.reference and problem.about.curve_kind
     assert type(problem.case) is problems.case_class(problem.id)
     assert "Deviations" in (problems.module(problem.id).__doc__ or "")
     assert problem.default_objective in {o.id for o in problem.objectives}
@@ -277,8 +277,8 @@ def _has_the_derivatives_casadi_makes(problem: Problem) -> None:
     scalarisation = GoalAttainment({name: 1.0}, {name: 1.0})
     few = few_instants(problem)
     instants = [*few[:: max(1, len(few) // 40)], *_moving(problem)]
-    plain = transcribe(replace(problem, local_derivatives=False), scalarisation, instants)
-    nlp = transcribe(replace(problem, local_derivatives=True), scalarisation, instants)
+    tunings = (replace(problem.tuning, local_derivatives=local) for local in (False, True))
+    plain, nlp = (transcribe(replace(problem, tuning=tuning), scalarisation, instants) for tuning in tunings)
     assert plain.rows == nlp.rows
     assert plain.derivatives is None and nlp.derivatives is not None
     rng = np.random.default_rng(3)

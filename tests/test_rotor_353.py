@@ -480,10 +480,10 @@ def test_a_recipe_whose_part_has_no_solution_says_which() -> None:
 
 
 def test_what_the_paper_leaves_out_is_said() -> None:
-    plain = " ".join(problems.load("rotor-353").notes)
+    plain = " ".join(problems.load("rotor-353").about.notes)
     assert "420, 420, 440, 860, 900, 1440 deg/s2: our choice, 2 v_max per second" in plain
     assert "efforts 2000, 3000, 1000, 100, 100, 50 N m" in plain and "provisional" in plain
-    other = " ".join(problems.load("rotor-353", acceleration=FOUR, jerk=JERK, timing="per_joint").notes)
+    other = " ".join(problems.load("rotor-353", acceleration=FOUR, jerk=JERK, timing="per_joint").about.notes)
     assert "our choice" not in other and "deg/s3: given" in other and "per_joint" in other
 
 

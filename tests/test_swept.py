@@ -14,6 +14,7 @@ from ocp_traj.formulation.objective import Objective, gauss
 from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.formulation.requirements import SWEEP, PathConstraint, Requirements, State
 from ocp_traj.formulation.scalarise import WeightedSum
+from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.proof.audit import audit
 from ocp_traj.proof.values import limit_on, swept_on
 from ocp_traj.proof.verdicts import PROVED, UNDECIDED, VIOLATED
@@ -158,20 +159,20 @@ def arm() -> Problem:
     )
     bounds = np.full(4, 8.0)
     return Problem(
-        id="arm", title="", reference="", case=Plain(), robot=None,
+        id="arm", case=Plain(),
         variables=(Variable("P", -bounds, bounds, "rad", ("a", "b", "c", "d")),),
         curve=curve,
         objectives=(
             Objective("speed", "rad2/s", integrand=lambda s: casadi.sumsqr(s.v), quadrature=gauss(8)),
         ),
         requirements=Requirements(JOINTS, ("rad", "rad"), (limit,)),
-        guess=lambda r: r.normal(size=4), default_objective="speed", instants=16,
+        guess=lambda r: r.normal(size=4), tuning=Tuning(instants=16),
     )  # fmt: skip
 
 
 @pytest.mark.parametrize("local", [False, True])
 def test_an_exchange_ends_with_the_whole_link_proved_clear(local: bool) -> None:
-    problem = replace(arm(), local_derivatives=local)
+    problem = replace(arm(), tuning=Tuning(instants=16, local_derivatives=local))
     found = Exchange(first=few_instants(problem)).solve(
         problem, WeightedSum({"speed": 1.0}), np.array([0.0, 4.0, 0.2, 4.0])
     )
@@ -183,7 +184,7 @@ def test_an_exchange_ends_with_the_whole_link_proved_clear(local: bool) -> None:
 
 
 def test_an_instant_that_moves_along_the_sweep_alone_is_one_that_moves() -> None:
-    problem, x = replace(arm(), local_derivatives=True), np.array([0.0, 4.0, 0.2, 4.0])
+    problem, x = replace(arm(), tuning=Tuning(instants=16, local_derivatives=True)), np.array([0.0, 4.0, 0.2, 4.0])
     sliding = Instant("clearance", 0, 0.5, (0,), sweep=0.5, sweep_slope=np.full(4, 0.1), anchor=x)
     assert sliding.moves and not Instant("clearance", 0, 0.5, (0,)).moves
     found = transcribe(problem, WeightedSum({"speed": 1.0}), [*few_instants(problem), sliding])

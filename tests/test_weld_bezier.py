@@ -239,8 +239,8 @@ def test_a_seam_is_welded_within_every_limit(
     assert 1e3 * off <= rms
     assert solution.audit is not None and solution.audit.proved
     assert solution.objectives["air_time"] <= seconds
-    assert problem.figures is not None
-    figures = {name: value for name, value, _ in problem.figures(motion)}
+    assert problem.about.figures is not None
+    figures = {name: value for name, value, _ in problem.about.figures(motion)}
     assert figures["tip off the seam, rms"] == pytest.approx(1e3 * off, rel=0.05)
 
 

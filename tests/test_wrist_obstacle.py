@@ -505,7 +505,7 @@ def test_time_scaling_needs_a_problem_that_scales(wrist: Problem) -> None:
         TimeScaling(replace(wrist, dilate=None))
 
 
-def test_auxiliary_variables_take_no_part_in_a_population(wrist: Problem) -> None:
+def test_slacks_of_objectives_take_no_part_in_a_population(wrist: Problem) -> None:
     """The least clearance asked for is no gene of the fitness: it stays at the least."""
     solution = GA(seed=1, population=40, generations=8, scaling=True).solve(wrist, FITNESS)
     assert solution.x[9] == 0.0 and solution.audit is not None and solution.audit.proved

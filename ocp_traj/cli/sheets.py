@@ -24,14 +24,14 @@ def problem_list(problems: Sequence[Problem]) -> Sheet:
     data = [
         {
             "id": p.id,
-            "title": p.title,
+            "title": p.about.title,
             "robot": f"{p.robot.model.name}, {p.requirements.dof} joints"
             if p.robot
             else f"{p.requirements.dof} joints",
-            "curve": p.curve_kind,
+            "curve": p.about.curve_kind,
             "variables": p.size,
             "objectives": [o.id for o in p.objectives],
-            "paper": p.reference,
+            "paper": p.about.reference,
         }
         for p in problems
     ]
@@ -41,7 +41,8 @@ def problem_list(problems: Sequence[Problem]) -> Sheet:
 
 def _notes(problem: Problem) -> list[Rows]:
     """What the case fills in where the paper says nothing."""
-    return [("Not in the paper", ["this case has"], [[note] for note in problem.notes])] if problem.notes else []
+    notes = [[note] for note in problem.about.notes]
+    return [("Not in the paper", ["this case has"], notes)] if notes else []
 
 
 def problem_sheet(problem: Problem) -> Sheet:
@@ -75,8 +76,8 @@ def problem_sheet(problem: Problem) -> Sheet:
     ]
     data = {
         "problem": problem.id,
-        "title": problem.title,
-        "paper": problem.reference,
+        "title": problem.about.title,
+        "paper": problem.about.reference,
         "case": case,
         "variables": variables,
         "objectives": objectives,
@@ -84,9 +85,9 @@ def problem_sheet(problem: Problem) -> Sheet:
         "point_constraints": points,
         "continuity": problem.requirements.continuity,
         "default_objective": problem.default_objective,
-        "notes": list(problem.notes),
+        "notes": list(problem.about.notes),
     }
-    headline = f"{problem.id}: {problem.title}. {problem.reference}"
+    headline = f"{problem.id}: {problem.about.title}. {problem.about.reference}"
     tables: list[Rows] = [(headline, ["case field", "value"], list(case.items()))]
     for title, rows in (
         ("Variables", variables),
@@ -162,7 +163,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
     solved = solution.audit is not None
     variables = {name: block.tolist() for name, block in problem.unpack(solution.x).items()} if solved else {}
     found = solution.trajectory
-    figures = problem.figures(found) if problem.figures is not None and found is not None else ()
+    figures = problem.about.figures(found) if problem.about.figures is not None and found is not None else ()
     data = {
         "problem": problem.id,
         "status": solution.status.value,
@@ -192,7 +193,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         "audit": audit_values(solution.audit) if solution.audit is not None else {"verdict": None, "rows": []},
         "detail": solution.detail,
         "interrupted": solution.interrupted,
-        "notes": list(problem.notes),
+        "notes": list(problem.about.notes),
         "figures": [{"name": n, "value": v, "unit": u} for n, v, u in figures],
     }
     if solution.alternatives:
@@ -280,7 +281,7 @@ def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
         "spread": front.spread(),
         "knee": knee,
         "info": dict(front.info),
-        "notes": list(front.problem.notes),
+        "notes": list(front.problem.about.notes),
         "run": str(folder),
         "picture": str(folder / "front.png"),
     }

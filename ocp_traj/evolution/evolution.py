@@ -72,7 +72,7 @@ class Vectorised(PymooProblem):  # type: ignore[misc]  # pymoo is untyped
         # Of a curve of high degree fewer instants hide too much: evolution goes where nobody looks.
         self.population = Population(problem, objectives, max(per_segment, *degrees(problem)), refine)
         self.scaling = TimeScaling(problem) if scaling else None
-        self.idle, self.least = problem.idle(objectives), problem.lower
+        self.inactive, self.least = problem.inactive(objectives), problem.lower
         chosen = [problem.objective(name) for name in objectives]
         self.signs = np.array([1.0 if o.sense == "min" else -1.0 for o in chosen])
         self.scales = np.array([o.scale for o in chosen])
@@ -93,9 +93,9 @@ class Vectorised(PymooProblem):  # type: ignore[misc]  # pymoo is untyped
     def meant(self, x: Array) -> Array:
         """Individuals ``(N, n)``, as they are evaluated.
 
-        Auxiliary variables of objectives that are not traded are put where they ask least; time is scaled if wanted.
+        Slacks of objectives that are not traded are put at their lower bounds; time is scaled if wanted.
         """
-        fixed = np.where(self.idle, self.least, x)
+        fixed = np.where(self.inactive, self.least, x)
         return fixed if self.scaling is None else self.scaling.apply(fixed)
 
     def _evaluate(self, x: Array, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi
 import numpy as np
@@ -12,12 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.errors import ProblemDefinitionError, UnknownName, quoted
+from ocp_traj.formulation.about import About
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.requirements import PathConstraint, Requirements, state_function
-
-if TYPE_CHECKING:
-    from ocp_traj.curves.motion import Motion
-    from ocp_traj.formulation.rows import Conflict
+from ocp_traj.formulation.tuning import Tuning
 
 Array = NDArray[np.float64]
 
@@ -32,8 +30,9 @@ class Variable:
         unit: SI unit.
         labels: one name an entry.
         eq: equation or table of the source that gives the bounds.
-        auxiliary_to: the objective that the block exists for, if it does not shape the curve: a margin to be made
-            large, say. Its lower bound asks least of the limits, and there it stays while that objective is not traded.
+        slack_of: the objective of which the block is a slack: bounded by limits, and no part of the curve, such as the
+            least clearance where clearance is maximised. At its lower bound it tightens no limit, and it is fixed there
+            unless that objective is traded. Empty for a variable of the curve.
     """
 
     id: str
@@ -42,7 +41,7 @@ class Variable:
     unit: str
     labels: tuple[str, ...]
     eq: str = ""
-    auxiliary_to: str = ""
+    slack_of: str = ""
 
     def __post_init__(self) -> None:
         """Checks shapes and bounds."""
@@ -81,81 +80,49 @@ class Problem:
 
     Attributes:
         id: registry name.
-        title, reference: for lists and reports.
-        case: the paper's numbers, a frozen dataclass.
         variables: blocks of decision variables; x is their concatenation ``(n,)``.
         curve: x -> PiecewiseBezier, symbolic.
         objectives: what may be traded.
         requirements: limits, joints and promised continuity.
-        guess: random starting point from a generator, within the bounds.
-        parameters: x -> p ``(n_p,)``.
-        curve_kind: for lists.
+        guess: random starting point ``(n,)`` from a generator, within the bounds.
+        case: the numbers the problem is built from, a frozen dataclass.
+        robot: the robot that moves, for what asks for it by name.
+        parameters: x -> p ``(n_p,)``, symbolic.
+        default_objective: minimised or maximised where no objective is named; the first one if not given.
         dilate: (x, s) -> x of the same path s times slower, where the problem allows it.
-        default_objective: what ``solve`` minimises when not told.
+        scales_in_time: whether the variables are the durations of the segments, all of them and nothing else, and the
+            path depends on their ratios alone: s x is the same path, s times slower.
         reference_point: per objective, the worst value worth having: it bounds a front and its hypervolume.
         best_values: per objective and another one, the best value of the first that leaves the other within its
             reference point, as far as local solves know: the ends of fronts, from which ``ideal_point`` follows. Empty
             for a case whose ends nobody has looked for; ``benchmarks/ideal_points.py`` does.
-        starts: random starts of a local solver when not told how many.
-        stepping_stone: an objective that is easy to solve for from a guess; solves for others begin at its optimum.
-        instants: a segment, of a first grid of constraint exchange that stays; if not given, degree/2 + 1, at least 3,
-            of which those far from their limits are dropped; or the local times of each limit, with none of those not
-            named, which are looked at between solves only.
-        instants_move: whether instants of constraint exchange follow the peaks they were put on: fewer solves, each of
-            more work where there are many variables.
-        rounds: of constraint exchange, at most.
-        expand: write the NLP's functions out, operation by operation, instead of mapping them over instants: many times
-            quicker to evaluate where they are short, slow to build where they are long.
-        local_derivatives: form Jacobian and Hessian of an NLP from those of each instant: many times quicker where
-            there are many variables and long functions.
         alternatives: where the problem leaves a discrete choice open, the problem of each choice, by its name; they
             differ in nothing but the case and the curve. The problem itself is then the first of them.
-        homotopy: the way a trajectory takes, in a word: what tells local optima apart.
-        settle: x -> x with the auxiliary variables at what its curve really has.
-        explain: what a limit broken at a fixed end means, in words.
-        decomposition: solve by parts, as a paper does, in place of the whole.
-        scales_in_time: the variables are the durations of the segments, all of them and nothing else, and the path
-            depends on their ratios alone: s x is the same path, s times slower.
-        regularisation: {objective: weight}, traces of objectives that every NLP adds to what it minimises, each over
-            its scale, where many trajectories are as good as one another.
-        figures: (name, value, unit) of a trajectory, which no objective says and a reader wants to know.
-        solver_options: of the NLP solver, by IPOPT's names, where the usual ones serve this problem badly.
-        notes: what this case fills in where the paper says nothing; shown with the problem and with every result.
+        decomposition: solution by parts, as a paper does, in place of the whole.
+        tighten_slacks: x -> x with the slacks of objectives at what its curve really has.
+        tuning: how it is solved well.
+        about: what is said of it to people.
     """
 
     id: str
-    title: str
-    reference: str
-    case: Any
-    robot: Any
     variables: tuple[Variable, ...]
     curve: Callable[[Any], PiecewiseBezier]
     objectives: tuple[Objective, ...]
     requirements: Requirements
     guess: Callable[[np.random.Generator], Array]
+    case: Any = None
+    robot: Any = None
     parameters: Callable[[Any], Any] = lambda x: casadi.SX(0, 1)
-    curve_kind: str = ""
-    dilate: Callable[[Array, float], Array] | None = None
     default_objective: str = ""
+    dilate: Callable[[Array, float], Array] | None = None
+    scales_in_time: bool = False
     reference_point: Mapping[str, float] = field(default_factory=dict)
     best_values: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    starts: int = 1
-    stepping_stone: str = ""
-    instants: int | Mapping[str, Sequence[float]] | None = None
-    instants_move: bool = True
-    rounds: int = 10
-    expand: bool = False
-    local_derivatives: bool = False
     alternatives: Mapping[str, Problem] = field(default_factory=dict)
-    homotopy: Callable[[Motion], str] | None = None
-    settle: Callable[[Array], Array] | None = None
-    explain: Callable[[Conflict], str] | None = None
     decomposition: Decomposition | None = None
-    scales_in_time: bool = False
-    regularisation: Mapping[str, float] = field(default_factory=dict)
-    figures: Callable[[Motion], Sequence[tuple[str, float, str]]] | None = None
-    solver_options: Mapping[str, Any] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    tighten_slacks: Callable[[Array], Array] | None = None
+    tuning: Tuning = Tuning()
+    about: About = About()
     _functions: dict[Hashable, Any] = field(default_factory=dict, repr=False, init=False)
 
     def __post_init__(self) -> None:
@@ -173,19 +140,28 @@ class Problem:
                     raise ProblemDefinitionError(
                         f"{self.id}: objective {objective.id!r} sums {term!r}, which is no plain objective"
                     )
+        if not names:
+            raise ProblemDefinitionError(f"{self.id}: there is no objective; give one or more")
+        if not self.default_objective:
+            object.__setattr__(self, "default_objective", names[0])
         if self.default_objective not in names:
             raise ProblemDefinitionError(
                 f"{self.id}: default objective {self.default_objective!r} is not one of {names}"
             )
-        if self.stepping_stone not in ("", *names):
-            raise ProblemDefinitionError(f"{self.id}: stepping stone {self.stepping_stone!r} is not one of {names}")
+        for word, used in (
+            ("warm start objective", {self.tuning.warm_start_objective} - {""}),
+            ("objective of the regularisation", self.tuning.regularisation),
+        ):
+            for name in used:
+                if name not in names:
+                    raise ProblemDefinitionError(f"{self.id}: {word} {name!r} is not one of {names}")
         dof = self.curve(casadi.SX.sym("x", self.size)).dof
         if dof != self.requirements.dof:
             raise ProblemDefinitionError(f"{self.id}: the curve has {dof} joints, the limits {self.requirements.dof}")
         for variable in self.variables:
-            if variable.auxiliary_to not in ("", *names):
+            if variable.slack_of not in ("", *names):
                 raise ProblemDefinitionError(
-                    f"{self.id}: variable {variable.id!r} is auxiliary to {variable.auxiliary_to!r}, no objective of it"
+                    f"{self.id}: variable {variable.id!r} is a slack of {variable.slack_of!r}, no objective of it"
                 )
         for objective in self.objectives:
             if objective.variation is not None:
@@ -216,12 +192,12 @@ class Problem:
         """Unit of each entry of x."""
         return tuple(v.unit for v in self.variables for _ in v.labels)
 
-    def idle(self, traded: Iterable[str]) -> NDArray[np.bool_]:
-        """Which entries of x ``(n,)`` are auxiliary to objectives that are not among the traded ones."""
+    def inactive(self, traded: Iterable[str]) -> NDArray[np.bool_]:
+        """Which entries of x ``(n,)`` are slacks of objectives that are not among the traded ones."""
         names = {""}
         for name in traded:
             names |= {name, *(self.objective(name).terms or ())}
-        return np.array([v.auxiliary_to not in names for v in self.variables for _ in v.labels], dtype=bool)
+        return np.array([v.slack_of not in names for v in self.variables for _ in v.labels], dtype=bool)
 
     def variation(self, objective: Objective) -> PathConstraint:
         """The rows whose total variation an objective sums, as a limit without bounds, of the objective's id."""

@@ -82,7 +82,7 @@ def run(seeds: int, progress: Progress) -> Reproduction:
         payloads(sheet, problem)
     progress(total, total, "done")
     errata = (*sheet.errata, *equation_errata(cases[PHYSICAL], cases[LITERAL]))
-    return Reproduction("hybrid-spline", cases[PHYSICAL].reference, tuple(sheet.comparisons), errata, tuple(runs))
+    return Reproduction("hybrid-spline", cases[PHYSICAL].about.reference, tuple(sheet.comparisons), errata, tuple(runs))
 
 
 def reported() -> list[Run]:

@@ -74,7 +74,7 @@ def run(seeds: int, progress: Progress) -> Reproduction:
     recipe = results[f"{TIMINGS['per_joint']}, {SIGNS[True]}"]
     assert isinstance(recipe, Solution)
     errata = (*sheet.errata, *equation_errata(excess(recipe)))
-    return Reproduction("rotor-353", plain.reference, tuple(sheet.comparisons), errata, tuple(runs), extra)
+    return Reproduction("rotor-353", plain.about.reference, tuple(sheet.comparisons), errata, tuple(runs), extra)
 
 
 # --- tables ---

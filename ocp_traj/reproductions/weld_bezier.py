@@ -86,7 +86,7 @@ def run(seeds: int, progress: Progress) -> Reproduction:
     progress(total, total, "done")
     errata = equation_errata(signed_torques(*solved["air move"]))
     return Reproduction(
-        "weld-bezier", seam.reference, tuple(sheet.comparisons), (*sheet.errata, *errata), tuple(runs), extra
+        "weld-bezier", seam.about.reference, tuple(sheet.comparisons), (*sheet.errata, *errata), tuple(runs), extra
     )
 
 
@@ -102,7 +102,7 @@ def quality(solved: dict[str, tuple[Problem, Solution]]) -> pd.DataFrame:
         for limit in problem.requirements.path_constraints:
             worst = min((row for row in found.audit.rows if row.limit == limit.id), key=lambda row: row.margin)
             rows[f"{limit.id}, share used"] = f"{1.0 - worst.margin:.4f} ({worst.label})"
-        for name, value, unit in problem.figures(found.trajectory) if problem.figures is not None else ():
+        for name, value, unit in problem.about.figures(found.trajectory) if problem.about.figures is not None else ():
             rows[f"{name} [{unit}]"] = f"{value:.4g}"
         for order, jump in zip(("q", "v", "a", "jerk", "snap"), jumps(found.trajectory), strict=True):
             rows[f"jump of {order} at the tags, of its largest value"] = f"{jump:.1g}"

@@ -72,7 +72,7 @@ def run(seeds: int, progress: Progress) -> Reproduction:
         title = f"Genetic algorithm of the paper on {seeds} seed{'' if seeds == 1 else 's'}, beside IPOPT"
         extra[title] = genetic(problems.load("wrist-obstacle", branch="0"), best, seeds, runs, told)
     progress(total, total, "done")
-    reference = problems.load("wrist-obstacle").reference
+    reference = problems.load("wrist-obstacle").about.reference
     return Reproduction(
         "wrist-obstacle", reference, tuple(sheet.comparisons), equation_errata(curve, turned), tuple(runs), extra
     )

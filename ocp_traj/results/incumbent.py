@@ -24,8 +24,9 @@ def no_worse_than(
 ) -> Solution:
     """The solution, or in its place an incumbent ``x (n,)`` that is proved and better.
 
-    The incumbent is audited only if its value is better, or if the solution is not proved. It counts with its auxiliary
-    variables where they ask least, and only within the bounds that the scalarisation puts on objectives.
+    The incumbent is audited only if its value is better, or if the solution is not proved. Slacks of objectives that
+    take no part are put at their lower bounds. It counts only within the bounds that the scalarisation puts on
+    objectives.
 
     Args:
         problem: whose limits hold.
@@ -34,7 +35,7 @@ def no_worse_than(
         x: the incumbent.
         words: what it is, for the solution's ``detail``.
     """
-    x = np.where(problem.idle(scalarisation.names), problem.lower, x)
+    x = np.where(problem.inactive(scalarisation.names), problem.lower, x)
     if np.array_equal(x, solution.x) or not ((x >= problem.lower) & (x <= problem.upper)).all():
         return solution
     objectives = evaluate_objectives(problem, x)

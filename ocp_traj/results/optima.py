@@ -29,7 +29,7 @@ def distinct(problem: Problem, solutions: Sequence[Solution], solves: int = 1) -
     proved_first = sorted(usable, key=lambda entry: (entry[1].audit is None or not entry[1].audit.proved, entry[1].f))
     for start, solution in proved_first:
         assert solution.trajectory is not None
-        way = problem.homotopy(solution.trajectory) if problem.homotopy is not None else ""
+        way = problem.about.homotopy_class(solution.trajectory) if problem.about.homotopy_class is not None else ""
         for known, starts in zip(found, ended, strict=True):
             if known.solution is solution or _same(known, solution, way):
                 starts.add(start)
@@ -49,7 +49,7 @@ def with_sampled(
     for first, solution in pairs:
         if solution.status is not Status.SOLVED or solution.trajectory is None:
             continue
-        way = problem.homotopy(solution.trajectory) if problem.homotopy is not None else ""
+        way = problem.about.homotopy_class(solution.trajectory) if problem.about.homotopy_class is not None else ""
         for optimum, seen in zip(optima, values, strict=True):
             if optimum.solution is solution or _same(optimum, solution, way):
                 if all(abs(first.f - value) > SAME_VALUE * max(abs(value), 1e-300) for value in seen):

@@ -47,11 +47,11 @@ class FrontMethod(Protocol):
 
 
 def proved_front(problem: Problem, objectives: Sequence[str], found: ParetoSet, keep_unproved: bool = False) -> Front:
-    """The proved and non-dominated of what a method found, settled and slowed down where that helps; ``Front.of``."""
-    settled = found.xs if problem.settle is None else [problem.settle(x) for x in found.xs]
-    xs, checked = slow_down(problem, settled)
-    # What was found may be proved where what it was settled to is not: a little less is asked of it.
-    unproved = [i for i, one in enumerate(checked) if not one.proved] if problem.settle is not None else []
+    """The proved and non-dominated of what a method found, with tight slacks, slowed down where that helps."""
+    tight = found.xs if problem.tighten_slacks is None else [problem.tighten_slacks(x) for x in found.xs]
+    xs, checked = slow_down(problem, tight)
+    # What was found may be proved where it is not with tight slacks: a little less is asked of it.
+    unproved = [i for i, one in enumerate(checked) if not one.proved] if problem.tighten_slacks is not None else []
     for i, x in zip(unproved, slow_down(problem, [found.xs[i] for i in unproved])[0], strict=True):
         xs[i] = x
     info = {**found.info, "interrupted": found.interrupted}

@@ -105,7 +105,7 @@ class Optimum:
     Attributes:
         solution: the best of those that ended there.
         starts: how many ended there.
-        way: the problem's word for the way it takes (``Problem.homotopy``), or none.
+        way: the problem's word for the way it takes (``About.homotopy_class``), or none.
         sampled: how many distinct local optima of the first NLP, which sees the first instants only, led there.
     """
 

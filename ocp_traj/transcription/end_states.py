@@ -62,11 +62,11 @@ def fixed_values(problem: Problem) -> list[FixedValue]:
 def fixed_conflicts(problem: Problem) -> tuple[Conflict, ...]:
     """Limits that are broken at the ends whatever the variables; empty where a parameter is itself a variable.
 
-    Auxiliary variables count with their lower bounds, which ask least of the limits.
+    Slacks of objectives count with their lower bounds, which tighten no limit.
     """
     x = casadi.SX.sym("x", problem.size)
-    idle = problem.idle([])
-    bounds = enumerate(zip(problem.lower, idle, strict=True))
+    inactive = problem.inactive([])
+    bounds = enumerate(zip(problem.lower, inactive, strict=True))
     least = casadi.vertcat(*(casadi.SX(low) if unused else x[j] for j, (low, unused) in bounds))
     parameters = casadi.SX(problem.parameters(least))
     if casadi.depends_on(parameters, x):
@@ -81,8 +81,8 @@ def fixed_conflicts(problem: Problem) -> tuple[Conflict, ...]:
         if excess > 1e-9 * limit.scale[i]:
             row = Row(limit.id, limit.labels[i], fixed.segment, fixed.instant, limit.units[i], float(limit.scale[i]))
             conflict = Conflict(row, value, bound, float(excess))
-            if problem.explain is not None:
-                conflict = replace(conflict, words=problem.explain(conflict))
+            if problem.about.describe_conflict is not None:
+                conflict = replace(conflict, words=problem.about.describe_conflict(conflict))
             if (limit.id, limit.labels[i]) not in conflicts:
                 conflicts[limit.id, limit.labels[i]] = conflict
     return tuple(sorted(conflicts.values(), key=lambda c: -c.excess / c.row.scale))

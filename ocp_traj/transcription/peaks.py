@@ -31,7 +31,7 @@ def peak_function(problem: Problem, limit: PathConstraint, members: Sequence[Ins
     value = values[rows]
     gu = casadi.gradient(casadi.sum1(value), u)
     guu = casadi.gradient(casadi.sum1(gu), u)
-    gux = casadi.densify(casadi.jacobian(gu, x)) if problem.instants_move else casadi.MX(len(members), 0)
+    gux = casadi.densify(casadi.jacobian(gu, x)) if problem.tuning.instants_move else casadi.MX(len(members), 0)
     return casadi.Function("peaks", [x, u], [value, gu, guu, gux])
 
 

@@ -75,7 +75,7 @@ def few_instants(problem: Problem) -> tuple[Instant, ...]:
     A limit on a derivative that is constant, or linear, on its segments gets the 1 or 2 instants that are exact.
     """
     degree = degrees(problem)
-    wanted = problem.instants
+    wanted = problem.tuning.instants
 
     def places(k: int, limit: PathConstraint) -> Sequence[float]:
         if isinstance(wanted, Mapping):
@@ -127,7 +127,7 @@ def transcribe(
 
     Returns:
         An NLP over x, over the scalarisation's extra variable if it has one, and over the steps of total variations.
-        Auxiliary variables of objectives that take no part stay at their lower bounds.
+        Slacks of objectives that take no part stay at their lower bounds.
     """
     check_names(problem, scalarisation)
     x = casadi.MX.sym("x", problem.size)
@@ -141,11 +141,11 @@ def transcribe(
         for objective in variations(problem, scalarisation.names)
     ]
     given = {s.objective.id: s.objective.scale * casadi.sum1(s.sizes) for s in steps}
-    lifted = Lifted(shape_function(problem), problem.cached) if problem.local_derivatives else None
+    lifted = Lifted(shape_function(problem), problem.cached) if problem.tuning.local_derivatives else None
     shape = SymbolicCurve.at(problem, x, lifted) if lifted else curve
-    values = objective_values(shape, dict.fromkeys((*scalarisation.names, *problem.regularisation)), given)
+    values = objective_values(shape, dict.fromkeys((*scalarisation.names, *problem.tuning.regularisation)), given)
     scalar = scalarisation.apply(problem, values)
-    traces = [w * values[name] / problem.objective(name).scale for name, w in problem.regularisation.items()]
+    traces = [w * values[name] / problem.objective(name).scale for name, w in problem.tuning.regularisation.items()]
     for limit in problem.requirements.path_constraints:
         members = [instant for instant in instants if instant.limit == limit.id]
         stay, move = [m for m in members if not m.moves], [m for m in members if m.moves]
@@ -167,7 +167,7 @@ def transcribe(
     extra = [] if scalar.extra is None else [scalar.extra]
     labels = [*("gamma" for _ in extra), *(label for s in steps for label in s.labels)]
     unbounded = np.full(len(labels), np.inf)
-    upper_x = np.where(problem.idle(scalarisation.names), problem.lower, problem.upper)
+    upper_x = np.where(problem.inactive(scalarisation.names), problem.lower, problem.upper)
     functions = [casadi.Function("steps", [x], [s.differences]) for s in steps]
 
     def complete(numbers: Array) -> Array:
@@ -193,8 +193,8 @@ def transcribe(
         labels=(*problem.labels, *labels),
         units=(*problem.units, *("-" for _ in labels)),
         complete=complete,
-        expand=problem.expand,
-        options=problem.solver_options,
+        expand=problem.tuning.expand,
+        options=problem.tuning.solver_options,
         memory=problem.cached("solver memory", dict),
     )
 

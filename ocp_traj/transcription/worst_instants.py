@@ -98,7 +98,7 @@ def _sharpened(
         if excess[i] < at_first[i]:
             # Newton's method led downhill: the peak is a corner at the end of a segment, where it stays.
             kept.append(members[i])
-        elif not problem.instants_move:
+        elif not problem.tuning.instants_move:
             kept.append(replace(members[i], u=float(u[i])))
         else:  # g_u = 0 ties u to x
             kept.append(moving(replace(members[i], u=float(u[i])), guu[i, 0], gux[i], x))

@@ -1,0 +1,50 @@
+"""How a problem is solved well: settings that change the time of a solve and the optimum found, never the problem."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ocp_traj.errors import ProblemDefinitionError
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Defaults of the solvers for one problem.
+
+    Attributes:
+        starts: random starts of a local solver; several where there are several local optima.
+        warm_start_objective: the objective whose optimum is the start of every other solve, where it is easily found
+            from a guess and the others are not; empty for none.
+        instants: first grid of constraint exchange, a number a segment: all of them stay, which keeps the first rounds
+            from wandering between local optima. None: degree/2 + 1, at least 3, of which those far from their limits
+            are dropped. A mapping {limit: local times}: limits without an entry are looked at between solves only,
+            which leaves out rows that would never be active.
+        instants_move: whether instants follow the peaks they were put on. That saves rounds, and fills the Jacobian,
+            which costs more where there are many variables.
+        max_exchanges: rounds of constraint exchange; flat valleys need more.
+        expand: whether the functions of the NLP are scalar graphs (SX) in place of maps over instants: quick to
+            evaluate where they are short, slow to build where they are long.
+        local_derivatives: whether Jacobian and Hessian of the NLP are put together from those of each instant, which
+            is quick where there are many variables and long functions.
+        regularisation: {objective: weight}, added to the scalarised objective of every NLP, each over its scale: makes
+            the optimum unique where many trajectories are equally good.
+        solver_options: of the NLP solver, in its own names, where its defaults converge badly.
+    """
+
+    starts: int = 1
+    warm_start_objective: str = ""
+    instants: int | Mapping[str, Sequence[float]] | None = None
+    instants_move: bool = True
+    max_exchanges: int = 10
+    expand: bool = False
+    local_derivatives: bool = False
+    regularisation: Mapping[str, float] = field(default_factory=dict)
+    solver_options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Checks the numbers."""
+        for name in ("starts", "max_exchanges"):
+            if getattr(self, name) < 1:
+                raise ProblemDefinitionError(f"tuning: {name} is {getattr(self, name)}; give 1 or more")
