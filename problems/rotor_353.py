@@ -16,6 +16,7 @@ Deviations
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,7 +32,7 @@ from ocp_traj.formulation.about import About
 from ocp_traj.formulation.case import check, choice, number, numbers
 from ocp_traj.formulation.objective import Objective, gauss
 from ocp_traj.formulation.problem import Decomposition, Problem, Variable
-from ocp_traj.formulation.requirements import PathConstraint, Requirements, State
+from ocp_traj.formulation.requirements import Expression, PathConstraint, Requirements, State
 from ocp_traj.problems import m10id
 from ocp_traj.problems.m10id import EFFORT, JOINTS, POSITION, VELOCITY, serial_angles
 from ocp_traj.robot.joint_limits import JointLimits
@@ -40,6 +41,8 @@ from ocp_traj.robot.robot import Robot
 Array = NDArray[np.float64]
 Six = tuple[float, ...]
 
+ALL, RAD = range(6), ("rad",) * 6
+LINK_ANGLES = ("J1", "J2", "J2 + J3", "J4", "J5", "J6")
 TIMINGS = ("synchronised", "per_joint")
 ACCELERATION = tuple(2.0 * v for v in VELOCITY)  # [deg/s^2]: our choice
 # [W] of |power|: sqrt(power^2 + s^2) exceeds it by at most s, and work comes out at most 6 s T too large. Our choice.
@@ -72,7 +75,7 @@ class ZhuWang:
     position_limits: bool = True  # whether the maker's ranges of the joints are limits; the paper has none
     effort_limits: bool = True  # whether the maker's efforts are limits; the paper has none
     timing: str = choice("synchronised", TIMINGS)
-    min_duration: float = number(0.05, "s", above=0.0)  # of each segment: our choice
+    min_duration: float = number(0.05, "s", above=0.0, under="max_duration")  # of each segment: our choice
     max_duration: float = number(4.0, "s", above=0.0)  # our choice
     free_payload: bool = False  # whether the payload is a decision variable
     max_payload: float = number(150.0, "kg", "a finite mass", above=0.0)  # if freed: our choice
@@ -82,11 +85,6 @@ class ZhuWang:
         check(self)
         if self.timing == "per_joint" and self.free_payload:
             raise InputError("timing per_joint has no payload to choose: every joint is timed alone")
-        if not self.min_duration < self.max_duration:
-            raise InputError(
-                f"min_duration {self.min_duration} s and max_duration {self.max_duration} s leave no duration; "
-                "give min_duration < max_duration"
-            )
 
 
 Case = ZhuWang
@@ -177,100 +175,80 @@ BEST = {
 def build(case: ZhuWang | None = None) -> Problem:
     """The problem of a case."""
     case = case or ZhuWang()
-    points = via_points(case)
-    parts: tuple[Problem, ...] = ()
-    if case.timing == "per_joint":
-        parts = tuple(_problem(case, points, (j,)) for j in range(6))
-    return _problem(case, points, tuple(range(6)), parts)
-
-
-def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple[Problem, ...] = ()) -> Problem:
-    """The problem of some joints; of all six with the robot's efforts."""
-    joints, count, whole = tuple(JOINTS[j] for j in chosen), len(chosen), len(chosen) == 6
-    machine = robot()
-    durations = Variable(
-        "t", np.full(3, case.min_duration), np.full(3, case.max_duration), "s", ("t1", "t2", "t3"), "(13)"
-    )
-    mass = Variable("payload", np.zeros(1), np.array([case.max_payload]), "kg", ("payload",), "ours")
-    free = case.free_payload
+    machine, points, strength = robot(), via_points(case), casadi.DM(EFFORT)
 
     def torque(s: State) -> Any:
         return machine.effort(s.q, s.v, s.a, payload=s.p[0])
 
-    limits: list[PathConstraint] = []
-    if whole and case.position_limits:
-        low, high = (np.radians(bound) for bound in POSITION)
-        labels = ("J1", "J2", "J2 + J3", "J4", "J5", "J6")
-        limits.append(
-            PathConstraint("position-limit", lambda s: serial_angles(s.q), low, high, ("rad",) * 6, labels, "maker")
-        )
-    given = {name: getattr(case, name) for name in ("velocity", "acceleration", "jerk")}
-    bounds = JointLimits(**{name: np.radians([values[j] for j in chosen]) for name, values in given.items() if values})
-    units, kinds = ("rad",) * count, {"velocity": "(14)", "acceleration": "(15)", "jerk": "ours"}
-    limits += standard.joint_limits(bounds, joints, units, kinds)
-    if whole and case.effort_limits:
-        strongest = np.array(EFFORT)
-        limits.append(standard.effort_limit(torque, (-strongest, strongest), machine.effort_units, joints, "maker"))
-    where = points[:, list(chosen)]
-    passed = ((0, 0.0), (1, 0.0), (2, 0.0), (-1, 1.0))
-    ends = (
-        standard.rest(joints, units, eq="sect. 3.1"),
-        standard.via_points(where, passed, joints, units, "Table 2"),
-    )
+    def strain(s: State) -> Any:
+        return casadi.sumsqr(torque(s) / strength)
 
-    objectives = [Objective("time", "s", 1.0, eq="(13)", of_variables=lambda x, p: casadi.sum1(x[:3]))]
-    if whole:
-        strength = casadi.DM(EFFORT)
-        objectives += [
-            Objective(
-                "effort", "s", 1.0, eq="sect. 5", quadrature=gauss(NODES["effort"]),
-                integrand=lambda s: casadi.sumsqr(torque(s) / strength),
-            ),
-            Objective(
-                "work", "J", 1000.0, eq="sect. 5", quadrature=gauss(NODES["work"]),
-                integrand=lambda s: casadi.sum1(casadi.sqrt((torque(s) * s.v) ** 2 + SMOOTHING**2)),
-            ),
-        ]  # fmt: skip
-    objectives.append(
-        Objective(
-            "jerk",
-            "rad2/s5",
-            1000.0,
-            eq="sect. 5",
-            quadrature=gauss(NODES["jerk"]),
-            integrand=lambda s: casadi.sumsqr(s.jerk),
-        )
+    def power(s: State) -> Any:
+        return casadi.sum1(casadi.sqrt((torque(s) * s.v) ** 2 + SMOOTHING**2))
+
+    def integral(id: str, unit: str, scale: float, integrand: Expression) -> Objective:
+        return Objective(id, unit, scale, eq="sect. 5", integrand=integrand, quadrature=gauss(NODES[id]))
+
+    time = Objective("time", "s", 1.0, eq="(13)", of_variables=lambda x, p: casadi.sum1(x[:3]))
+    jerk = integral("jerk", "rad2/s5", 1000.0, lambda s: casadi.sumsqr(s.jerk))
+    positions = PathConstraint(
+        "position-limit", lambda s: serial_angles(s.q), *np.radians(POSITION), RAD, LINK_ANGLES, "maker"
     )
-    if free:
-        objectives.append(Objective("payload_mass", "kg", 10.0, sense="max", eq="ours", of_variables=lambda x, p: x[3]))
+    efforts = standard.effort_limit(torque, EFFORT, machine.effort_units, JOINTS, "maker")
+    alone = ALL if case.timing == "per_joint" else ()
+    parts = tuple(_problem(case, points, [j], _limits(case, [j]), (time, jerk)) for j in alone)
+    problem = _problem(
+        case, points, ALL,
+        (*[positions] * case.position_limits, *_limits(case, ALL), *[efforts] * case.effort_limits),
+        (time, integral("effort", "s", 1.0, strain), integral("work", "J", 1000.0, power), jerk),
+        robot=machine,
+        reference_point=worst_worth_having(case, points, machine),
+        best_values=BEST if case == ZhuWang() else {},
+        decomposition=Decomposition(parts, lambda xs: np.max(xs, axis=0)) if parts else None,
+    )  # fmt: skip
+    return standard.free_payload(problem, case.max_payload, 5.0, "ours") if case.free_payload else problem
+
+
+def _limits(case: ZhuWang, chosen: Sequence[int]) -> tuple[PathConstraint, ...]:
+    """Velocity, acceleration and jerk of some joints, those that are given."""
+    kinds = {"velocity": "(14)", "acceleration": "(15)", "jerk": "ours"}
+    given = {name: np.radians(getattr(case, name))[list(chosen)] for name in kinds if getattr(case, name)}
+    return standard.joint_limits(JointLimits(**given), [JOINTS[j] for j in chosen], RAD[: len(chosen)], kinds)
+
+
+def _problem(
+    case: ZhuWang, points: Array, chosen: Sequence[int], limits: Sequence[PathConstraint],
+    objectives: tuple[Objective, ...], **more: Any,
+) -> Problem:  # fmt: skip
+    """The problem of some joints, in three durations for all of them."""
+    joints, units, where = tuple(JOINTS[j] for j in chosen), RAD[: len(chosen)], points[:, list(chosen)]
+    least, most = np.full(3, case.min_duration), np.full(3, case.max_duration)
+    passed = standard.via_points(where, ((0, 0.0), (1, 0.0), (2, 0.0), (-1, 1.0)), joints, units, "Table 2")
 
     def guess(rng: np.random.Generator) -> Array:
-        t = np.exp(rng.uniform(np.log(max(0.2, case.min_duration)), np.log(max(2.0, case.min_duration)), 3))
-        t = np.clip(t, case.min_duration, case.max_duration)
-        return np.append(t, rng.uniform(0.0, min(5.0, case.max_payload))) if free else t
+        low, high = (np.log(max(t, case.min_duration)) for t in (0.2, 2.0))
+        return np.clip(np.exp(rng.uniform(low, high, 3)), least, most)
 
     return Problem(
         id="rotor-353",
         case=case,
-        robot=machine if whole else None,
-        variables=(durations, mass) if free else (durations,),
+        variables=(Variable("t", least, most, "s", ("t1", "t2", "t3"), "(13)"),),
         curve=lambda x: polynomial_353(where, x[:3]),
-        parameters=lambda x: x[3:4] if free else casadi.SX(case.payload),
-        objectives=tuple(objectives),
-        default_objective="time",
-        reference_point=worst_worth_having(case, points, machine) if whole else {},
-        best_values=BEST if whole and case == ZhuWang() else {},
-        requirements=Requirements(joints, units, tuple(limits), ends, ("payload",), continuity=2),
+        parameters=lambda x: casadi.SX(case.payload),
+        objectives=objectives,
+        requirements=Requirements(
+            joints, units, tuple(limits), (standard.rest(joints, units, eq="sect. 3.1"), passed), ("payload",), 2
+        ),
         guess=guess,
-        dilate=lambda x, s: np.concatenate([np.asarray(x)[:3] * s, np.asarray(x)[3:]]),
-        scales_in_time=not free,
-        decomposition=Decomposition(parts, lambda xs: np.max(xs, axis=0)) if parts else None,
+        dilate=lambda x, s: np.asarray(x) * s,
+        scales_in_time=True,
         about=About(
-            "FANUC M-10iD/8L, 3-5-3 polynomials" + ("" if whole else f", {joints[0]} alone"),
+            "FANUC M-10iD/8L, 3-5-3 polynomials" + ("" if len(chosen) == 6 else f", {joints[0]} alone"),
             "Zhu and Wang, improved particle swarm, 3-5-3 polynomials",
             "3-5-3 polynomials, 3 segments",
             notes(case),
         ),
+        **more,
     )
 
 

@@ -511,7 +511,7 @@ def test_a_jerk_limit_holds_at_the_ends_and_at_both_sides_of_the_vias() -> None:
         ({"max_payload": 0.0}, "max_payload is 0.0 kg"),
         ({"timing": "together"}, "timing is 'together'; allowed are synchronised, per_joint"),
         ({"min_duration": 0.0}, "min_duration is 0.0 s; give a finite number above zero"),
-        ({"min_duration": 2.0, "max_duration": 1.0}, "leave no duration"),
+        ({"min_duration": 2.0, "max_duration": 1.0}, "leave nothing between; give min_duration < max_duration"),
         ({"effort_limits": "maybe"}, "give true or false"),
     ],
 )

@@ -360,7 +360,7 @@ def test_an_obstacle_that_touches_an_end_is_named_with_its_depth() -> None:
         ("min_clearance", -0.1, "give an angle from 0"),
         ("min_clearance", 2.5, "from obstacle 1 no motion has more than 2.45"),
         ("weights", (0.0, 0.0), "zero or more and not all zero"),
-        ("min_time", 5.0, "is not below max_time"),
+        ("min_time", 5.0, "min_time 5.0 s and max_time 4.0 s leave nothing between"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(field: str, value: Any, words: str) -> None:

@@ -16,7 +16,7 @@ from ocp_traj.errors import InputError, UnknownName, quoted
 
 def number(
     default: float | int, unit: str = "", what: str = "a finite number", *, least: float | None = None,
-    above: float | None = None, most: float | None = None, below: float | None = None,
+    above: float | None = None, most: float | None = None, below: float | None = None, under: str = "",
 ) -> Any:  # fmt: skip
     """A number; whole ones stay whole where the default is one.
 
@@ -28,8 +28,9 @@ def number(
         above: it is larger than this.
         most: it is at most this.
         below: it is smaller than this.
+        under: the field that it is smaller than.
     """
-    bounds = {"least": least, "above": above, "most": most, "below": below}
+    bounds = {"least": least, "above": above, "most": most, "below": below, "under": under}
     return field(default=default, metadata={"kind": "number", "unit": unit, "what": what, **bounds})
 
 
@@ -88,6 +89,10 @@ def check(case: Any) -> None:
             raise InputError(f"{f.name} is {value}{unit}; give {f.metadata['what']}{_bounds(f.metadata)}")
         if kind == "numbers":
             _check_numbers(f, value)
+    for f in fields(case):
+        if (upper := f.metadata.get("under")) and not getattr(case, f.name) < getattr(case, upper):
+            given = (f"{name} {getattr(case, name)} {f.metadata['unit']}".strip() for name in (f.name, upper))
+            raise InputError(f"{' and '.join(given)} leave nothing between; give {f.name} < {upper}")
 
 
 def _check_numbers(f: Field[Any], value: Any) -> None:
