@@ -61,8 +61,11 @@ LIMITS = JointLimits(
 )
 
 
-def robot() -> Robot:
-    """The 5-DOF hybrid robot: two parallel ball screws that move and yaw link 1, a lift, and two revolute joints."""
+def robot(case: Any = None) -> Robot:
+    """The 5-DOF hybrid robot: two parallel ball screws that move and yaw link 1, a lift, and two revolute joints.
+
+    It is the same for every case.
+    """
 
     def serial(q: Any) -> Any:  # (90), (92): d1, alpha, X_S3, phi_4, phi_5
         return casadi.vertcat((q[0] + q[1]) / 2.0, casadi.atan((q[1] - q[0]) / L1), q[2], q[3], q[4])
@@ -112,8 +115,13 @@ def joints_of(position: ArrayLike, axis: ArrayLike, side: float = -1.0) -> Array
     return np.asarray(np.stack([middle - half, middle + half, lift, phi4, phi5], axis=1))
 
 
-def inverse_kinematics(rotation: ArrayLike, position: ArrayLike) -> Array:
+def forward_kinematics(q: ArrayLike, case: Any = None) -> tuple[Array, Array]:
+    """Tool poses, rotation ``(N, 3, 3)`` and position ``(N, 3)`` [m], of joint coordinates ``(N, 5)`` [m, rad]."""
+    return robot(case).poses(q)
+
+
+def inverse_kinematics(rotation: ArrayLike, position: ArrayLike, case: Any = None) -> Array:
     """Joint coordinates ``(N, 2, 5)`` of tool poses, for both signs of n_z; NaN where the tool does not get there."""
     axis = np.reshape(rotation, (-1, 3, 3))[:, :, 2]
     found = np.stack([joints_of(position, axis, side) for side in (-1.0, 1.0)], axis=1)
-    return robot().reaching(found, rotation, position)
+    return robot(case).reaching(found, rotation, position)

@@ -7,7 +7,7 @@ allowed; ``convert`` turns what a user or a file gives into the field's type, ``
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import MISSING, Field, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields
 from math import isfinite
 from typing import Any
 
@@ -76,6 +76,15 @@ def convert(owner: str, cls: Any, changes: dict[str, Any]) -> dict[str, Any]:
         return _converted(f"{owner}: {name} is {quoted(value)}; give", known[name], value)
 
     return {name: converted(name, value) for name, value in changes.items()}
+
+
+@dataclass(frozen=True)
+class Checked:
+    """Base of a case whose fields are checked when it is made."""
+
+    def __post_init__(self) -> None:
+        """Checks the fields."""
+        check(self)
 
 
 def check(case: Any) -> None:
