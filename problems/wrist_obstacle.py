@@ -16,25 +16,24 @@ Deviations
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from math import hypot, isfinite, pi, sqrt
 from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.families import quartic_quintic
 from ocp_traj.errors import InputError
 from ocp_traj.formulation import standard
 from ocp_traj.formulation.about import About
-from ocp_traj.formulation.case import check, choice, number, numbers
+from ocp_traj.formulation.case import Checked, choice, number, numbers
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem, Variable
-from ocp_traj.formulation.requirements import PathConstraint, PointConstraint, Requirements
+from ocp_traj.formulation.requirements import Requirements
 from ocp_traj.formulation.rows import Conflict
 from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.problems import wrist
@@ -43,7 +42,6 @@ from ocp_traj.robot.collision import Obstacle, least_clearance
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.robot import Robot
 
-Array = NDArray[np.float64]
 Point = tuple[float, float, float]
 
 UNIT = 0.1  # [m], of the paper's lengths; our choice
@@ -59,7 +57,7 @@ RESERVE = 2e-9  # [rad], by which a clearance is reported short of what was foun
 
 
 @dataclass(frozen=True)
-class ElHaiek2019:
+class ElHaiek2019(Checked):
     """The numbers of a case; a field is what a user may change. Lengths are in the paper's unit, which has no name."""
 
     case: str = choice("blocked", tuple(CASES))  # start and goal change either
@@ -76,29 +74,19 @@ class ElHaiek2019:
     max_position: tuple[float, float, float] = numbers((pi, pi, pi), "rad", above=0.0)  # sect. 5
     max_velocity: tuple[float, float, float] = numbers((2.0, 2.0, 3.0), "rad/s", above=0.0)
     max_acceleration: tuple[float, float, float] = numbers((10.0, 10.0, 15.0), "rad/s2", above=0.0)
-    min_time: float = number(0.1, "s", above=0.0)  # of t1 and of t2
+    min_time: float = number(0.1, "s", above=0.0, under="max_time")  # of t1 and of t2
     max_time: float = number(4.0, "s", above=0.0)
     effort_limits: bool = False  # whether the motors' torques are limited as well
     max_effort: tuple[float, float, float] = numbers((1.0, 2.0, 0.2), "N m", above=0.0)
 
     def __post_init__(self) -> None:
-        """Checks the fields."""
-        check(self)
-        if not self.min_time < self.max_time:
-            raise InputError(f"min_time {self.min_time} s is not below max_time {self.max_time} s; widen them")
+        """Checks the fields, and that start, goal and obstacles lie where they can."""
+        super().__post_init__()
         for name, point in (("start", self.ends[0]), ("goal", self.ends[1])):
             if len(point) != 3 or not all(map(isfinite, point)) or abs(hypot(*point) / self.d3 - 1.0) > REACHED:
                 raise InputError(
                     f"{name} is {point}, {hypot(*point):.6g} from the base; the tip moves at d3 = {self.d3:.6g} "
                     "from it: give three numbers, a point at that distance (to 1 %)"
-                )
-        for i, obstacle in enumerate(self.obstacles, 1):
-            if len(obstacle) != 4 or not all(map(isfinite, obstacle)) or not obstacle[3] > 0.0:
-                raise InputError(f"obstacle {i} is {obstacle}; give x:y:z:radius, the radius above zero")
-            if hypot(*obstacle[:3]) <= obstacle[3] + self.link_radius:
-                raise InputError(
-                    f"obstacle {i} at {obstacle[:3]} with radius {obstacle[3]} reaches the link's base at the "
-                    f"origin (link radius {self.link_radius}); no motion could be clear of it: move or shrink it"
                 )
         for sphere in obstacles(self):
             if not self.min_clearance + ROOM < sphere.most_clearance:
@@ -119,7 +107,7 @@ Case = ElHaiek2019
 
 def obstacles(case: ElHaiek2019) -> list[Obstacle]:
     """The obstacles of a case."""
-    return [Obstacle(i, np.array(o[:3]), o[3] + case.link_radius, case.d3) for i, o in enumerate(case.obstacles, 1)]
+    return [Obstacle(i, sphere, case.d3, case.link_radius) for i, sphere in enumerate(case.obstacles, 1)]
 
 
 def robot(case: ElHaiek2019 | None = None) -> Robot:
@@ -154,19 +142,26 @@ BEST = {
 }
 
 
+def via_points(case: ElHaiek2019 | None = None) -> Array:
+    """Joints ``(2, 3)`` [rad] at start and goal; theta3 is 0 at the start (our choice), and free at the goal: NaN."""
+    case = case or ElHaiek2019()
+    start, goal = case.ends
+    return np.array([[*wrist.pointing(start), 0.0], [*wrist.pointing(goal, int(case.branch == "1")), np.nan]])
+
+
 def build(case: ElHaiek2019 | None = None) -> Problem:
     """The problem of a case; with branch ``best`` it is branch 0's, and its alternatives are both branches."""
     case = case or ElHaiek2019()
     if case.branch != "best":
-        return _build(case, int(case.branch))
-    branches = {f"branch {b}": _build(replace(case, branch=str(b)), b) for b in (0, 1)}
+        return _build(case)
+    branches = {f"branch {b}": _build(replace(case, branch=b)) for b in BRANCHES[1:]}
     return replace(branches["branch 0"], case=case, alternatives=branches)
 
 
-def _build(case: ElHaiek2019, branch: int) -> Problem:
+def _build(case: ElHaiek2019) -> Problem:
     machine, spheres = robot(case), obstacles(case)
-    start = np.array([*wrist.pointing(case.ends[0]), 0.0])  # th3 is 0 at the start: our choice
-    goal = wrist.pointing(case.ends[1], branch)
+    start, end = via_points(case)
+    goal = end[:2]
     position, speed = np.array(case.max_position), np.array(case.max_velocity)
     times = np.full(2, case.min_time), np.full(2, case.max_time)
     variables = [
@@ -212,6 +207,28 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
         tight[9] = np.clip(found, case.min_clearance, room)
         return tight
 
+    def describe(conflict: Conflict) -> str:
+        if not conflict.row.limit.endswith("obstacles"):
+            return ""
+        at_goal = conflict.row.segment > 0
+        tip = np.array(case.ends[at_goal])
+        sphere = spheres[int(conflict.row.label.split()[-1]) - 1]
+        return sphere.describe(tip * case.d3 / hypot(*tip), f"at the {('start', 'goal')[at_goal]}", case.min_clearance)
+
+    kinds = {"position": "sect. 5", "velocity": "our choice", "acceleration": "our choice"}
+    effort = standard.effort_limit(
+        lambda s: machine.effort(s.q, s.v, s.a), case.max_effort, machine.effort_units, JOINTS, "our choice"
+    )
+    limits = (
+        *standard.joint_limits(machine.limits, JOINTS, UNITS, kinds),
+        *[effort] * case.effort_limits,
+        *standard.clear_of(spheres, wrist.direction, lambda s: s.p[0], "(20)"),
+    )
+    points = (
+        standard.rest(JOINTS, UNITS, eq="sect. 3"),
+        standard.via_points(start, ((0, 0.0),), JOINTS, UNITS, "sect. 5", id="start"),
+        standard.via_points(end, ((-1, 1.0),), JOINTS, UNITS, "sect. 5", id="goal"),
+    )
     return Problem(
         id="wrist-obstacle",
         case=case,
@@ -223,14 +240,7 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
         default_objective="fitness",
         reference_point=worst,
         best_values=BEST if replace(case, branch="best") == ElHaiek2019() else {},
-        requirements=Requirements(
-            JOINTS,
-            UNITS,
-            tuple(_limits(case, machine, spheres)),
-            _points(start, goal),
-            ("clearance",) if spheres else (),
-            continuity=2,
-        ),  # fmt: skip
+        requirements=Requirements(JOINTS, UNITS, limits, points, ("clearance",) if spheres else (), continuity=2),
         guess=guess,
         dilate=dilate,
         tighten_slacks=tighten_slacks if spheres else None,
@@ -244,46 +254,7 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
             "spherical wrist, quartic and quintic, obstacles",
             "El Haiek et al. (2019), Procedia Manufacturing 32, 960-968",
             "quartic and quintic through one via point",
-            homotopy_class=lambda motion: wrist.way(motion.curve, spheres, branch),
-            describe_conflict=partial(_describe_conflict, case, spheres),
+            homotopy_class=lambda motion: wrist.way(motion.curve, spheres, int(case.branch)),
+            describe_conflict=describe,
         ),
     )
-
-
-def _limits(case: ElHaiek2019, machine: Robot, spheres: Sequence[Obstacle]) -> list[PathConstraint]:
-    kinds = {"position": "sect. 5", "velocity": "our choice", "acceleration": "our choice"}
-    limits = list(standard.joint_limits(machine.limits, JOINTS, UNITS, kinds))
-    if case.effort_limits:
-        most = np.array(case.max_effort)
-        limits.append(
-            standard.effort_limit(
-                lambda s: machine.effort(s.q, s.v, s.a), (-most, most), machine.effort_units, JOINTS, "our choice"
-            )
-        )
-    limits += standard.clear_of(spheres, wrist.direction, lambda s: s.p[0], "(20)")
-    return limits
-
-
-def _points(start: Array, goal: tuple[float, float]) -> tuple[PointConstraint, ...]:
-    rest = standard.rest(JOINTS, UNITS, eq="sect. 3")
-    first = standard.via_points(start, ((0, 0.0),), JOINTS, UNITS, "sect. 5", id="start")
-    last = PointConstraint(
-        "goal", lambda s: s.q[:2], ((-1, 1.0),), np.array(goal), np.array(goal), UNITS[:2], JOINTS[:2], "sect. 5",
-        structural=True,
-    )  # fmt: skip
-    return rest, first, last
-
-
-def _describe_conflict(case: ElHaiek2019, spheres: Sequence[Obstacle], conflict: Conflict) -> str:
-    if conflict.row.limit not in ("obstacles", "far-obstacles"):
-        return ""
-    sphere = spheres[int(conflict.row.label.split()[-1]) - 1]
-    end = ("start", "goal")[conflict.row.segment > 0]
-    x, y, z, radius = case.obstacles[sphere.number - 1]
-    named = f"{conflict.row.label} (centre {x:g}, {y:g}, {z:g}, radius {radius:g}, link radius {case.link_radius:g})"
-    tip = np.array(case.ends[conflict.row.segment > 0])
-    depth = sphere.depth(tip * case.d3 / hypot(*tip))
-    if depth > 0.0:
-        return f"{named} touches the link at the {end}: they overlap by {depth:.4g}"
-    found = float(sphere.clearance(tip[None] / hypot(*tip))[0])
-    return f"{named} leaves {found:.4g} rad of clearance at the {end}; min_clearance is {case.min_clearance:g}"

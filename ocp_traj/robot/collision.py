@@ -7,43 +7,63 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import asin, hypot, pi, sqrt
+from functools import cached_property
+from math import asin, hypot, isfinite, pi, sqrt
 from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
-
-Array = NDArray[np.float64]
+from ocp_traj.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
 class Obstacle:
-    """A sphere grown by the link's radius, so that the link is a line.
+    """A sphere in the way of a link, grown by the link's radius, so that the link is a line.
 
     Its clearance is the angle by which it may grow, seen from the base, until the link touches it.
 
     Attributes:
         number: from 1.
-        centre: c ``(3,)``.
-        radius: R, the sphere's and the link's.
+        sphere: x, y, z of its centre c, and its radius r.
         link: the link's length.
+        link_radius: rho.
     """
 
     number: int
-    centre: Array
-    radius: float
+    sphere: tuple[float, ...]
     link: float
+    link_radius: float
+
+    def __post_init__(self) -> None:
+        """Checks that there is a sphere, and that it is off the base."""
+        if len(self.sphere) != 4 or not all(map(isfinite, self.sphere)) or not self.sphere[3] > 0.0:
+            raise InputError(f"obstacle {self.number} is {self.sphere}; give x:y:z:radius, the radius above zero")
+        if self.size <= self.radius:
+            raise InputError(
+                f"obstacle {self.number} at {self.sphere[:3]} with radius {self.sphere[3]} reaches the link's base at "
+                f"the origin (link radius {self.link_radius}); no motion could be clear of it: move or shrink it"
+            )
+
+    @cached_property
+    def centre(self) -> Array:
+        """The centre c ``(3,)``."""
+        return np.array(self.sphere[:3])
 
     @property
+    def radius(self) -> float:
+        """Of the grown sphere, R = r + rho."""
+        return self.sphere[3] + self.link_radius
+
+    @cached_property
     def size(self) -> float:
         """The centre's distance from the base, |c|."""
         return hypot(*self.centre)
 
-    @property
+    @cached_property
     def half_angle(self) -> float:
         """Half the angle under which it is seen from the base, asin(R / |c|) [rad]."""
         return asin(self.radius / self.size)
@@ -58,10 +78,18 @@ class Obstacle:
         """The clearance of a link that points away from it, or, beyond reach, of one that ends at the base [rad]."""
         return (pi if self.within_reach else pi / 2.0) - self.half_angle
 
-    def depth(self, tip: Array) -> float:
-        """How deep the link reaches into it, R less the distance from the centre to the segment from base to tip."""
-        along = float(np.clip(self.centre @ tip / (tip @ tip), 0.0, 1.0))
-        return float(self.radius - np.linalg.norm(along * tip - self.centre))
+    def describe(self, tip: Array, where: str, asked: float) -> str:
+        """In words, how a link with its tip at a place ``(3,)`` touches it, or is nearer than a clearance [rad]."""
+        x, y, z, radius = self.sphere
+        named = (
+            f"obstacle {self.number} (centre {x:g}, {y:g}, {z:g}, radius {radius:g}, link radius {self.link_radius:g})"
+        )
+        share = float(np.clip(self.centre @ tip / (tip @ tip), 0.0, 1.0))
+        depth = float(self.radius - np.linalg.norm(share * tip - self.centre))
+        if depth > 0.0:
+            return f"{named} touches the link {where}: they overlap by {depth:.4g}"
+        found = float(self.clearance(tip[None] / hypot(*tip))[0])
+        return f"{named} leaves {found:.4g} rad of clearance {where}, {asked:g} is asked for"
 
     def clearance(self, directions: Array) -> Array:
         """Clearance of directions ``(N, 3)`` from it ``(N,)`` [rad]."""
