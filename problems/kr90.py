@@ -53,6 +53,7 @@ ACCELERATION = (52.0, 50.0, 80.0, 136.0, 178.0, 206.0)  # [deg/s2], Table 3
 JERK = (75.0, 75.0, 82.0, 100.0, 190.0, 200.0)  # [deg/s3], Table 3
 SNAP = (100.0, 100.0, 95.0, 90.0, 105.0, 150.0)  # [deg/s4], Table 3
 POSITION = ((-185.0, -140.0, -120.0, -350.0, -125.0, -350.0), (185.0, -5.0, 155.0, 350.0, 125.0, 350.0))  # [deg], (20)
+RANGES = dict(zip(JOINTS, zip(*POSITION, strict=True), strict=True))
 EFFORT = (7290.0, 8910.0, 7539.0, 2431.0, 1461.0, 893.0)  # [N m], KR150 R3100-2
 COULOMB = 0.03  # of the effort: our assumption, as the next two
 VISCOUS = 0.05  # of the effort, at the largest velocity

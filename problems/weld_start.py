@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.curves.families import nonic
+from ocp_traj.curves.families import at_rest, nonic
 from ocp_traj.errors import InputError
 from ocp_traj.paths.pieces import Pieces, pieces
 from ocp_traj.paths.seam import Seam
@@ -90,11 +90,6 @@ def least_time(start: Array, end: Array, case: Case) -> float:
         ):
             return float(duration)
     return float(case.max_air_time)
-
-
-def at_rest(q: Array) -> Array:
-    """The state at rest ``(5, 6)``."""
-    return np.concatenate([q[None], np.zeros((4, 6))])
 
 
 def _obstruction(machine: Robot, cut: Pieces, fit: Fit, case: Case) -> str:

@@ -6,7 +6,7 @@ allowed; ``convert`` turns what a user or a file gives into the field's type, ``
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
 from math import isfinite
 from typing import Any
@@ -36,7 +36,7 @@ def number(
 
 def numbers(
     default: Sequence[float] = (), unit: str = "", *, size: int | None = None, empty: bool = False, some: bool = False,
-    least: float | None = None, above: float | None = None,
+    least: float | None = None, above: float | None = None, ranges: Mapping[str, tuple[float, float]] | None = None,
 ) -> Any:  # fmt: skip
     """A tuple of numbers, as many as the default unless ``size`` says otherwise.
 
@@ -48,9 +48,10 @@ def numbers(
         some: whether not all may be zero.
         least: each is at least this.
         above: each is larger than this.
+        ranges: ends between which each lies, by its name.
     """
     count = len(default) if size is None else size
-    more = {"size": count, "empty": empty, "some": some, "least": least, "above": above}
+    more = {"size": count, "empty": empty, "some": some, "least": least, "above": above, "ranges": ranges or {}}
     return field(default=tuple(default), metadata={"kind": "numbers", "unit": unit, **more})
 
 
@@ -108,10 +109,13 @@ def _check_numbers(f: Field[Any], value: Any) -> None:
     allowed = f.metadata
     if not value and allowed["empty"]:
         return
+    unit = f" {allowed['unit']}" if allowed["unit"] else ""
     sound = len(value) == allowed["size"] and all(_within(v, allowed) for v in value)
+    for (name, (low, high)), v in zip(allowed["ranges"].items(), value if sound else (), strict=False):
+        if not low < v < high:
+            raise InputError(f"{f.name} has {name} at {v}{unit}; its range is {low:g} to {high:g}{unit}")
     if sound and (any(value) or not allowed["some"]):
         return
-    unit = f" {allowed['unit']}" if allowed["unit"] else ""
     zero = " and not all zero" if allowed["some"] else ""
     none = ", or none" if allowed["empty"] else ""
     wanted = f"{allowed['size']} finite numbers{_bounds(allowed)}{zero}{none}"
@@ -136,7 +140,8 @@ def _bounds(allowed: Any) -> str:
     if least is not None:
         return f" from {least:g}{end}" if end else ", zero or more" if least == 0 else f", {least:g} or more"
     if above is not None:
-        return f" above {above:g}{end.replace(' to', ' and', 1)}" if end else f" above {above:g}".replace(" 0", " zero")
+        end = f" and up{end}" if most is not None else end.replace(" to", " and", 1)
+        return f" above {above:g}{end}" if end else f" above {above:g}".replace(" 0", " zero")
     return f" up{end}" if end else ""
 
 
