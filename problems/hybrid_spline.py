@@ -116,7 +116,7 @@ def build(case: Guo2016 | None = None) -> Problem:
     def guess(rng: np.random.Generator) -> Array:  # step 3 of sect. 4: at random above (152), ends cut in two
         whole, cut = least * rng.uniform(1.2, 4.0, 10), rng.uniform(0.2, 0.8, 2)
         first, last = whole[0] * np.array([cut[0], 1 - cut[0]]), whole[-1] * np.array([cut[1], 1 - cut[1]])
-        return np.clip(np.concatenate([first, whole[1:-1], last]), lower, case.max_interval)
+        return np.asarray(np.clip(np.concatenate([first, whole[1:-1], last]), lower, case.max_interval))
 
     least = (np.abs(np.diff(points, axis=0)) / LIMITS.velocity[1]).max(axis=1)  # (152)
     lower = np.concatenate([np.full(2, case.min_interval), least[1:-1], np.full(2, case.min_interval)])

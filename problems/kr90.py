@@ -12,6 +12,7 @@ from math import pi
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 from pinocchio.rpy import rpyToMatrix
@@ -52,6 +53,10 @@ VELOCITY = (105.0, 101.0, 107.0, 292.0, 258.0, 284.0)  # [deg/s], Table 3
 ACCELERATION = (52.0, 50.0, 80.0, 136.0, 178.0, 206.0)  # [deg/s2], Table 3
 JERK = (75.0, 75.0, 82.0, 100.0, 190.0, 200.0)  # [deg/s3], Table 3
 SNAP = (100.0, 100.0, 95.0, 90.0, 105.0, 150.0)  # [deg/s4], Table 3
+TABLE_3 = pd.DataFrame(
+    {"velocity [deg/s]": VELOCITY, "acceleration [deg/s2]": ACCELERATION, "jerk [deg/s3]": JERK, "snap [deg/s4]": SNAP},
+    index=JOINTS,
+)
 POSITION = ((-185.0, -140.0, -120.0, -350.0, -125.0, -350.0), (185.0, -5.0, 155.0, 350.0, 125.0, 350.0))  # [deg], (20)
 RANGES = dict(zip(JOINTS, zip(*POSITION, strict=True), strict=True))
 EFFORT = (7290.0, 8910.0, 7539.0, 2431.0, 1461.0, 893.0)  # [N m], KR150 R3100-2
@@ -60,7 +65,9 @@ VISCOUS = 0.05  # of the effort, at the largest velocity
 CREEP = 0.02  # of the largest velocity: where the Coulomb friction has risen to 76 %
 ARM = SixAxisArm(d1=0.675, a1=0.350, a2=1.350, a3=-0.041, d4=1.400, d6=0.215)  # [m], to the flange
 REACH = ARM.a2 + ARM.forearm  # [m] from A2 to the wrist's centre, arm straight
-THETA = JointAngles((-1, 1, 1, -1, 1, -1), (0.0, 0.0, -H, 0.0, 0.0, 0.0), np.radians(POSITION))  # of ``ARM``
+THETA = JointAngles(  # of ``ARM``
+    np.array([-1.0, 1.0, 1.0, -1.0, 1.0, -1.0]), np.array([0.0, 0.0, -H, 0.0, 0.0, 0.0]), np.radians(POSITION)
+)
 
 
 def robot(payload: float = 0.0, *, riser: float = 0.0, gravity: float = 9.81) -> Robot:

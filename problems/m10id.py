@@ -50,7 +50,9 @@ FLANGE = 0.075  # [m] from the wrist along J6
 TABLE_1 = SixAxisArm(d1=0.45, a1=0.075, a2=0.84, a3=0.195, d4=1.1, d6=0.075)  # [m]
 PRINTED_A3 = 1.1  # [m], Table 1, row 4
 # theta of Table 1 from the angles between the links.
-THETA = JointAngles((1, 1, -1, -1, -1, -1), (0.0, -pi / 2, 0.0, 0.0, 0.0, 0.0), np.radians(POSITION))
+THETA = JointAngles(
+    np.array([1.0, 1.0, -1.0, -1.0, -1.0, -1.0]), np.array([0.0, -pi / 2, 0.0, 0.0, 0.0, 0.0]), np.radians(POSITION)
+)
 
 
 def serial_angles(q: Any) -> Any:

@@ -22,14 +22,16 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+import pandas as pd
+from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.families import polynomial_353
 from ocp_traj.errors import InputError
 from ocp_traj.formulation import standard
 from ocp_traj.formulation.about import About
-from ocp_traj.formulation.case import check, choice, number, numbers
+from ocp_traj.formulation.case import Checked, choice, number, numbers
 from ocp_traj.formulation.objective import Objective, gauss
 from ocp_traj.formulation.problem import Decomposition, Problem, Variable
 from ocp_traj.formulation.requirements import Expression, PathConstraint, Requirements, State
@@ -38,7 +40,6 @@ from ocp_traj.problems.m10id import EFFORT, JOINTS, POSITION, VELOCITY, serial_a
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.robot import Robot
 
-Array = NDArray[np.float64]
 Six = tuple[float, ...]
 
 ALL, RAD = range(6), ("rad",) * 6
@@ -51,20 +52,20 @@ SMOOTHING = 0.1
 # 1.4e-7 of its value, work within 0.3 %, smoothing included; squared jerk is of degree 4, so that 3 nodes are exact.
 NODES = {"effort": 16, "work": 24, "jerk": 3}
 
-# Table 2 [deg], points X_0 .. X_3 by joint; joint 3 of X_2 prints 63.179.
-TABLE_2 = (
+# Table 2; joint 3 of X_2 prints 63.179.
+TABLE_2 = pd.DataFrame(index=JOINTS, columns=["X_0 [deg]", "X_1 [deg]", "X_2 [deg]", "X_3 [deg]"], data=(
     (-23.496, -20.128, -7.361, -8.055),
     (73.451, 80.381, 68.721, 61.474),
     (-62.949, -55.208, -63.179, -68.520),
     (77.747, 78.321, -35.605, -29.593),
     (41.879, 35.783, 27.940, 32.293),
     (-2.099, -12.636, 53.129, 46.917),
-)
+))  # fmt: skip
 PRINTED_SIGN = 63.179  # [deg], Table 2, joint 3, X_2
 
 
 @dataclass(frozen=True)
-class ZhuWang:
+class ZhuWang(Checked):
     """The paper's numbers; a field is what a user may change. Degrees, as in Table 2 and the maker's description."""
 
     as_printed: bool = False  # joint 3 of X_2 with the printed sign; a3 of Table 1 as printed
@@ -82,7 +83,7 @@ class ZhuWang:
 
     def __post_init__(self) -> None:
         """Checks the fields."""
-        check(self)
+        super().__post_init__()
         if self.timing == "per_joint" and self.free_payload:
             raise InputError("timing per_joint has no payload to choose: every joint is timed alone")
 
@@ -107,7 +108,7 @@ def inverse_kinematics(rotation: ArrayLike, position: ArrayLike, case: ZhuWang |
 
 def via_points(case: ZhuWang | None = None) -> Array:
     """Table 2: the four points ``(4, 6)`` [rad]."""
-    points = np.radians(np.array(TABLE_2).T)
+    points = np.radians(TABLE_2.to_numpy().T)
     if case and case.as_printed:
         points[2, 2] = np.radians(PRINTED_SIGN)
     return np.asarray(points)
@@ -175,7 +176,7 @@ BEST = {
 def build(case: ZhuWang | None = None) -> Problem:
     """The problem of a case."""
     case = case or ZhuWang()
-    machine, points, strength = robot(), via_points(case), casadi.DM(EFFORT)
+    machine, points, strength, (low, high) = robot(), via_points(case), casadi.DM(EFFORT), np.radians(POSITION)
 
     def torque(s: State) -> Any:
         return machine.effort(s.q, s.v, s.a, payload=s.p[0])
@@ -191,9 +192,7 @@ def build(case: ZhuWang | None = None) -> Problem:
 
     time = Objective("time", "s", 1.0, eq="(13)", of_variables=lambda x, p: casadi.sum1(x[:3]))
     jerk = integral("jerk", "rad2/s5", 1000.0, lambda s: casadi.sumsqr(s.jerk))
-    positions = PathConstraint(
-        "position-limit", lambda s: serial_angles(s.q), *np.radians(POSITION), RAD, LINK_ANGLES, "maker"
-    )
+    positions = PathConstraint("position-limit", lambda s: serial_angles(s.q), low, high, RAD, LINK_ANGLES, "maker")
     efforts = standard.effort_limit(torque, EFFORT, machine.effort_units, JOINTS, "maker")
     alone = ALL if case.timing == "per_joint" else ()
     parts = tuple(_problem(case, points, [j], _limits(case, [j]), (time, jerk)) for j in alone)
@@ -252,8 +251,8 @@ def _problem(
     )
 
 
-# What the paper reports, sect. 4 [s].
-PHASES = ("0.311", "0.660", "1.676")  # t1, t2, t3
-TOTAL = "2.647"
-SHORTENED = "56"  # [%]
+# What the paper reports, sect. 4.
+PHASES = pd.Series((0.311, 0.660, 1.676), ("t1 [s]", "t2 [s]", "t3 [s]"))
+TOTAL = 2.647  # [s]
+SHORTENED = 56.0  # [%]
 GUESS = 2.0  # [s], of each phase to begin with

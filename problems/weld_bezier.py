@@ -39,14 +39,7 @@ from ocp_traj.formulation.about import About
 from ocp_traj.formulation.case import Checked, choice, number, numbers
 from ocp_traj.formulation.objective import Objective, gauss
 from ocp_traj.formulation.problem import Problem, Variable
-from ocp_traj.formulation.requirements import (
-    DurationConstraint,
-    Expression,
-    PathConstraint,
-    PointConstraint,
-    Requirements,
-    State,
-)
+from ocp_traj.formulation.requirements import DurationConstraint, PathConstraint, PointConstraint, Requirements
 from ocp_traj.formulation.tags import Tags
 from ocp_traj.formulation.tuning import Tuning, chebyshev
 from ocp_traj.paths.polyline_seam import PolylineSeam
@@ -54,10 +47,9 @@ from ocp_traj.paths.seam import Placement, Seam, TubeSeam
 from ocp_traj.paths.tracking import figures
 from ocp_traj.problems import kr90
 from ocp_traj.problems.kr90 import JOINTS
+from ocp_traj.problems.kr90 import TABLE_3 as TABLE_3
 from ocp_traj.problems.weld_start import Start, find_start, least_time
 from ocp_traj.robot.robot import Robot
-
-Six = tuple[float, float, float, float, float, float]
 
 UNITS = ("rad",) * 6
 PRINTED_EFFORT = 35_000.0  # [N m], every joint: the paper's
@@ -89,7 +81,7 @@ class Ogbemhe2019(Checked):
     tcp_tolerance: float = number(0.5e-3, "m", above=0.0)  # its distance from the seam
     max_tilt: float = number(5.0, "deg", "an angle", above=0.0, below=90.0)  # of the torch
     payload: float = number(0.0, "kg", "a finite mass", least=0.0)  # at the flange, beside the torch
-    home: Six = numbers((0.0, -90.0, 100.0, 0.0, -60.0, 180.0), "deg", ranges=kr90.RANGES)
+    home: tuple[float, ...] = numbers((0.0, -90.0, 100.0, 0.0, -60.0, 180.0), "deg", ranges=kr90.RANGES)
     as_printed: bool = False  # the paper's torque limit
     rest_at_tags: bool = False  # of the air move
     # Of air time, effort, movement, snap in the sum.
@@ -172,7 +164,7 @@ def _objectives(case: Ogbemhe2019, machine: Robot) -> tuple[Objective, ...]:
     strength = casadi.DM(kr90.EFFORT)
     floating = kr90.robot(case.payload, riser=case.riser, gravity=0.0)
 
-    def strain(robot: Robot) -> Expression:
+    def strain(robot: Robot) -> Any:
         return lambda s: sumsqr(kr90.torque(robot, s.q, s.v, s.a) / strength)
 
     parts = dict(zip(("air_time", "effort", "movement", "snap"), case.weights, strict=True))
@@ -187,37 +179,29 @@ def _objectives(case: Ogbemhe2019, machine: Robot) -> tuple[Objective, ...]:
     )
 
 
+def _rest(id: str, q: Array, at: tuple[int, float]) -> PointConstraint:
+    return standard.posture(id, q, (at,), JOINTS, UNITS, "sect. IV-B")
+
+
 def _problem(
-    case: Ogbemhe2019, machine: Robot, tags: Tags, held: Array, labels: tuple[str, str],
+    case: Ogbemhe2019, machine: Robot, tags: Tags, labels: tuple[str, str],
     guess: Callable[[np.random.Generator], Array], passed: Sequence[PointConstraint] = (),
-    followed: Sequence[PathConstraint] = (), **more: Any,
+    followed: Sequence[PathConstraint] = (), paced: Sequence[DurationConstraint] = (), **more: Any,
 ) -> Problem:  # fmt: skip
-    """What both cases share: rest, an air move, tags with ``held`` durations between them, an air move, rest."""
+    """What both cases share: rest, an air move, tags with durations that are held, an air move, rest."""
     first, last = via_points(case)[[0, -1]]
     least, most = np.full(2, case.min_air_time), np.full(2, case.max_air_time)
     variables = (*tags.variables("rad", "sect. III-C"), Variable("T", least, most, "s", labels, "our choice"))
     lower, upper = (np.concatenate([getattr(v, end) for v in variables]) for end in ("lower", "upper"))
 
-    def torque(s: State) -> Any:
-        return kr90.torque(machine, s.q, s.v, s.a)
-
+    held = [t for constraint in paced for t in constraint.lower]
     kinds = {"position": "(20)", **dict.fromkeys(("velocity", "acceleration", "jerk", "snap"), "Table 3")}
     efforts = np.full(6, PRINTED_EFFORT) if case.as_printed else kr90.EFFORT
-    pace = (
-        DurationConstraint("weld-time", tuple(range(1, len(held) + 1)), held, held, "our choice") if len(held) else None
+    effort = standard.effort_limit(
+        lambda s: kr90.torque(machine, s.q, s.v, s.a), efforts, machine.effort_units, JOINTS, "(25)"
     )
-    requirements = Requirements(
-        JOINTS, UNITS,
-        (
-            *standard.joint_limits(machine.limits, JOINTS, UNITS, kinds),
-            standard.effort_limit(torque, efforts, machine.effort_units, JOINTS, "(25)"), *followed,
-        ),
-        (
-            standard.posture("start", first, ((0, 0.0),), JOINTS, UNITS, "sect. IV-B"), *passed,
-            standard.posture("end", last, ((-1, 1.0),), JOINTS, UNITS, "sect. IV-B"),
-        ),
-        continuity=4, duration_constraints=(pace,) if pace else (),
-    )  # fmt: skip
+    limits = (*standard.joint_limits(machine.limits, JOINTS, UNITS, kinds), effort, *followed)
+    points = (_rest("start", first, (0, 0.0)), *passed, _rest("end", last, (-1, 1.0)))
     ends = [casadi.SX(at_rest(q)) for q in (first, last)]
     return Problem(
         id="weld-bezier",
@@ -228,7 +212,7 @@ def _problem(
         objectives=_objectives(case, machine),
         default_objective="total",
         best_values=BEST[case.case] if case == Ogbemhe2019(case=case.case) else {},
-        requirements=requirements,
+        requirements=Requirements(JOINTS, UNITS, limits, points, continuity=4, duration_constraints=tuple(paced)),
         guess=lambda rng: np.clip(guess(rng), lower, upper),
         **more,
     )
@@ -244,18 +228,17 @@ def _about(case: Ogbemhe2019, words: str, curve_kind: str, **more: Any) -> About
 
 
 def _weld(case: Ogbemhe2019) -> Problem:
-    begun, machine, count = start(case), robot(case), case.tags
+    begun, machine, path, count = start(case), robot(case), seam(case), case.tags
     cut, pieces = begun.cut, range(1, count)
     pace = np.full(count - 1, float(cut.tags[-1]) / case.weld_speed / (count - 1))
-
-    tags = dict.fromkeys(f"tag {k}" for k in range(1, count + 1))
-    path = seam(case)
+    tags = Tags(dict.fromkeys(f"tag {k}" for k in range(1, count + 1)), machine.limits, JOINTS, pace[0])
     return _problem(
-        case, machine, Tags(tags, machine.limits, JOINTS, pace[0]), pace, ("approach", "retract"),
+        case, machine, tags, ("approach", "retract"),
         lambda rng: np.concatenate([begun.fit.states.ravel(), begun.air]),  # random ones wind the wrist up
         followed=standard.follow(
             machine, cut, pieces, count + 1, case.tcp_box, case.tcp_tolerance, radians(case.max_tilt), "our choice"
         ),
+        paced=(DurationConstraint("weld-time", tuple(pieces), pace, pace, "our choice"),),
         reference_point={"air_time": 12.0, "effort": 12.0, "movement": 25.0},
         tuning=Tuning(
             instants={"tcp": chebyshev(10), "tilt": chebyshev(4), "snap-limit": chebyshev(7, ends=True)},
@@ -282,16 +265,12 @@ def _air_move(case: Ogbemhe2019) -> Problem:
     machine, points = robot(case), via_points(case)
     least = np.array([least_time(at_rest(a), at_rest(b), case) for a, b in pairwise(points)])
     tags = Tags({"via": points[1]}, machine.limits, JOINTS, float(least.mean()), case.rest_at_tags)
-    inner = 6 * len(tags.blocks)
-
-    def guess(rng: np.random.Generator) -> Array:
-        return np.concatenate([0.05 * rng.normal(size=inner), least * rng.uniform(1.0, 1.5, 2)])
-
     via = standard.via_points(points[1], ((1, 0.0),), JOINTS, UNITS, "our choice")
     if case.rest_at_tags:
-        via = standard.posture("via", points[1], ((1, 0.0),), JOINTS, UNITS, "sect. IV-B")
+        via = _rest("via", points[1], (1, 0.0))
     return _problem(
-        case, machine, tags, np.zeros(0), ("T1", "T2"), guess, (via,),
+        case, machine, tags, ("T1", "T2"),
+        lambda rng: np.concatenate([0.05 * rng.normal(size=tags.size), least * rng.uniform(1.0, 1.5, 2)]), (via,),
         reference_point={"air_time": 9.0, "dynamic_effort": 0.05, "effort": 2.0, "movement": 2.0},
         dilate=tags.dilate,
         # Our choice: Coulomb friction makes many local optima of dynamic effort.

@@ -42,8 +42,8 @@ class Tags:
         free = [tag for tag, q in self.positions.items() if q is None]
         if self.rest and free:
             raise ProblemDefinitionError(f"tags {', '.join(free)} rest at no position; give one")
-        missing = [ORDERS[k] for k in range(not free, 5) if self.limits.bounds(k) is None]
-        if missing and not self.rest:
+        missing = {ORDERS[k]: None for _, k in self.blocks if self.limits.bounds(k) is None}
+        if missing:
             raise ProblemDefinitionError(f"tags need limits of {', '.join(missing)}, which bound their variables")
 
     @property
@@ -51,14 +51,18 @@ class Tags:
         """Tag and order of each block of variables."""
         return [(t, k) for t, q in self.positions.items() for k in range(q is not None, 5) if not self.rest]
 
+    @property
+    def size(self) -> int:
+        """Number of variables."""
+        return len(self.blocks) * len(self.joints)
+
     def variables(self, unit: str, eq: str = "") -> tuple[Variable, ...]:
         """A block a tag and order, in the joints' unit."""
         found = []
         for tag, k in self.blocks:
-            low, high = self.limits.bounds(k) or ()
             labels = tuple(f"{tag} {ORDERS[k]} {joint}" for joint in self.joints)
-            scale = self.unit**k
-            found.append(Variable(f"{ORDERS[k]} at {tag}", low * scale, high * scale, unit, labels, eq))
+            low, high = np.array(self.limits.bounds(k)) * self.unit**k
+            found.append(Variable(f"{ORDERS[k]} at {tag}", low, high, unit, labels, eq))
         return tuple(found)
 
     def states(self, x: Any) -> list[Any]:
@@ -67,9 +71,10 @@ class Tags:
         n = len(self.joints)
         for i, (tag, k) in enumerate(self.blocks):
             rows[tag].append(x[n * i : n * (i + 1)].T * self.unit**-k)
-        return [casadi.SX(at_rest(self.positions[tag])) if self.rest else casadi.vertcat(*r) for tag, r in rows.items()]
+        still = [casadi.SX(at_rest(q)) for q in self.positions.values() if q is not None]
+        return still if self.rest else [casadi.vertcat(*r) for r in rows.values()]
 
     def dilate(self, x: Array, s: float) -> Array:
         """The variables ``(n,)``, and the durations that follow, of the same path s times slower."""
         powers = np.repeat([float(s) ** k for _, k in self.blocks], len(self.joints))
-        return np.concatenate([x[: len(powers)] / powers, s * x[len(powers) :]])
+        return np.concatenate([x[: self.size] / powers, s * x[self.size :]])

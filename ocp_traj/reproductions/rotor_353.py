@@ -31,6 +31,7 @@ from ocp_traj.solvers.pso import SCHEDULES
 Array = NDArray[np.float64]
 
 STARTS = 3  # random starts of IPOPT: our choice
+TOTAL = f"{paper.TOTAL:.3f}"  # as printed
 PRINTED = 0.0005  # [deg], half a unit of Table 2's last digit
 SIGNS = {False: "corrected sign", True: "printed sign"}
 TIMINGS = {"synchronised": "all joints together", "per_joint": "every joint alone"}
@@ -157,7 +158,7 @@ def _signed_moves(degrees: ArrayLike, case: paper.ZhuWang) -> Array:
 
 def phases() -> Array:
     """The published t1, t2, t3 [s]."""
-    return np.array([float(text) for text in paper.PHASES])
+    return np.asarray(paper.PHASES)
 
 
 def demands(sign: bool) -> Array:
@@ -182,12 +183,12 @@ def published(sheet: Sheet, runs: list[Run], sign: bool) -> None:
     """The published times: their sum, what they need, and why no limits make them optimal."""
     words, t = SIGNS[sign], phases()
     if not sign:
-        named = {"time [s]": float(paper.TOTAL), **_named(t)}
+        named = {"time [s]": paper.TOTAL, **_named(t)}
         runs.append(Run("paper", "PSO, every joint alone", "", None, named, None, None))
-        sheet.add("Sect. 4", "t1 + t2 + t3", paper.TOTAL, float(t.sum()), "s", slack=3 * 0.0005)
+        sheet.add("Sect. 4", "t1 + t2 + t3", TOTAL, float(t.sum()), "s", slack=3 * 0.0005)
         shorter = 100.0 * (1.0 - t.sum() / (3.0 * paper.GUESS))
         note = f"against the first guess, {paper.GUESS:g} s a phase; not against another method"
-        sheet.add("Sect. 4", "shortened by", paper.SHORTENED, float(shorter), "%", note=note)
+        sheet.add("Sect. 4", "shortened by", f"{paper.SHORTENED:g}", float(shorter), "%", note=note)
     v, a = demands(sign)
     limits = {"velocity": tuple(v), "acceleration": tuple(a)}
     tight = api.solve(problems.load("rotor-353", as_printed=sign, **limits, **FREE), starts=STARTS).require()
@@ -195,9 +196,7 @@ def published(sheet: Sheet, runs: list[Run], sign: bool) -> None:
         "limits of each joint equal to what the published motion needs; wider ones leave less time still, so that no "
         "limits make the published times optimal for all joints together"
     )
-    sheet.add(
-        "Sect. 4", f"least time within what the published times need, {words}", paper.TOTAL, tight.f, "s", note=note
-    )
+    sheet.add("Sect. 4", f"least time within what the published times need, {words}", TOTAL, tight.f, "s", note=note)
     for family, speeds in (
         ("one limit for all joints", np.ones(6)),
         ("shares of the maker's", np.array(m10id.VELOCITY)),
@@ -206,7 +205,7 @@ def published(sheet: Sheet, runs: list[Run], sign: bool) -> None:
         for name, text, value in zip(("t1", "t2", "t3"), paper.PHASES, closest, strict=True):
             note = f"a_max {ratio:.3g} v_max per second: of all pairs the closest, a phase {off:.0%} off"
             item = f"{name}, every joint alone, {family}, {words}"
-            sheet.add("Sect. 4", item, text, float(value), "s", note=note)
+            sheet.add("Sect. 4", item, f"{text:.3f}", float(value), "s", note=note)
 
 
 def _named(t: Array) -> dict[str, float]:
@@ -225,7 +224,7 @@ def optimum(sheet: Sheet, runs: list[Run], sign: bool, timing: str) -> Solution:
         note += f"; certified: nothing below {np.floor(1e6 * found.certificate.lower) / 1e6:.6f} s"
     if not found.audit.proved:
         note += f"; {found.audit.explain()}"
-    sheet.add("Sect. 4", f"time, {TIMINGS[timing]}, {words}", paper.TOTAL, float(found.x.sum()), "s", note=note)
+    sheet.add("Sect. 4", f"time, {TIMINGS[timing]}, {words}", TOTAL, float(found.x.sum()), "s", note=note)
     extrema = [found.trajectory.curve.extrema(order) for order in (1, 2)]
     v, a = (np.degrees([max(-e.lower, e.upper) for e in of]) for of in extrema)
     shares = {"v / v_max [-]": (v / m10id.VELOCITY).max(), "a / a_max [-]": (a / paper.ACCELERATION).max()}

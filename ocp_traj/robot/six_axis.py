@@ -205,8 +205,8 @@ class JointAngles:
         ranges: lower and upper ends of the joints' ranges ``(2, 6)`` [rad].
     """
 
-    signs: ArrayLike
-    offsets: ArrayLike
+    signs: Array
+    offsets: Array
     ranges: Array
 
     def theta(self, q: ArrayLike) -> Array:
