@@ -60,6 +60,16 @@ def test_the_wrist_lies_where_the_tip_says_and_never_beyond_its_reach() -> None:
     assert longest == pytest.approx(kr90.REACH, rel=1e-6)
 
 
+def test_inverse_kinematics_finds_random_postures_again() -> None:
+    """500 within the ranges, by pinocchio's pose of the tip; joints 4 and 6 may be whole turns away."""
+    machine, low, high = WeldRobot(riser=0.6), *np.radians(kr90.POSITION)
+    q = np.random.default_rng(2).uniform(low, high, (500, 6))
+    poses = [machine.tip(one).copy() for one in q]
+    found = kr90.inverse_kinematics([p.rotation for p in poses], [p.translation for p in poses], riser=0.6)
+    gap = np.abs(np.angle(np.exp(1j * (found - q[:, None])))).max(axis=2)
+    assert np.nanmin(gap, axis=1).max() < 1e-9
+
+
 def test_gravity_torques_of_the_bare_arm_stay_below_what_its_data_give() -> None:
     """Largest static torques without load: 6290 N m on A2, arm straight out, and 1367 on A3."""
     machine = WeldRobot(bare=True)
