@@ -9,7 +9,6 @@ import casadi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ocp_traj.errors import InputError
 from ocp_traj.robot.chain import AxisJoint, DHRow, LinkInertia
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.robot import ActuatorMap, Robot
@@ -62,8 +61,11 @@ LIMITS = JointLimits(
 )
 
 
-def robot() -> Robot:
-    """The 5-DOF hybrid robot: two parallel ball screws that move and yaw link 1, a lift, and two revolute joints."""
+def robot(case: Any = None) -> Robot:
+    """The 5-DOF hybrid robot: two parallel ball screws that move and yaw link 1, a lift, and two revolute joints.
+
+    It is the same for every case.
+    """
 
     def serial(q: Any) -> Any:  # (90), (92): d1, alpha, X_S3, phi_4, phi_5
         return casadi.vertcat((q[0] + q[1]) / 2.0, casadi.atan((q[1] - q[0]) / L1), q[2], q[3], q[4])
@@ -87,24 +89,23 @@ def robot() -> Robot:
     )
 
 
-def inverse_kinematics(position: ArrayLike, axis: ArrayLike) -> Array:
+def joints_of(position: ArrayLike, axis: ArrayLike, side: float = -1.0) -> Array:
     """Joint coordinates of tool positions and tool axes, (29)-(32) with A1/L3 in place of A1.
 
     Args:
         position: p ``(N, 3)`` [m].
-        axis: a ``(N, 3)``, unit, a_z > 0; of the two turns about it, the one with n_z <= 0 is taken.
+        axis: a ``(N, 3)``, unit, a_z > 0.
+        side: sign of n_z, which tells the two turns about the axis apart; the paper's is the negative one.
 
     Returns:
-        ``(N, 5)``: X_S1, X_S2, X_S3 [m], phi_4, phi_5 [rad].
+        ``(N, 5)``: X_S1, X_S2, X_S3 [m], phi_4, phi_5 [rad]; NaN where the yaw would lie beyond +-45 deg (below (4)).
     """
     p, a = np.atleast_2d(np.asarray(position, dtype=float)), np.atleast_2d(np.asarray(axis, dtype=float))
     az = a[:, 2]
-    nz = -np.sqrt(np.maximum(1.0 - (2.0 * az - 1.0) ** 2, 0.0)) / sqrt(2.0)
+    nz = side * np.sqrt(np.maximum(1.0 - (2.0 * az - 1.0) ** 2, 0.0)) / sqrt(2.0)
     y, x = a[:, 1] * (az - 1.0) + a[:, 0] * nz, a[:, 0] * (az - 1.0) - a[:, 1] * nz
     sine = (p[:, 1] - LP * a[:, 1] + (E * y / ((az - 1.0) ** 2 + nz**2) if E else 0.0)) / L3
-    if (np.abs(sine) > sqrt(0.5)).any():
-        raise InputError("inverse kinematics: a position is out of reach, its yaw lies beyond +-45 deg (below (4))")
-    alpha = np.arcsin(sine)
+    alpha = np.arcsin(np.where(np.abs(sine) > sqrt(0.5), np.nan, sine))
     phi5 = np.arctan2(-sqrt(2.0) * nz, 2.0 * az - 1.0)
     phi4 = np.arctan2(y, x) - alpha
     phi4 = np.arctan2(np.sin(phi4), np.cos(phi4))
@@ -112,3 +113,15 @@ def inverse_kinematics(position: ArrayLike, axis: ArrayLike) -> Array:
     half = 0.5 * L1 * np.tan(alpha)
     lift = p[:, 2] - (L2 + L4 + sqrt(2.0) * L5 + L01 + E + az * LP)
     return np.asarray(np.stack([middle - half, middle + half, lift, phi4, phi5], axis=1))
+
+
+def forward_kinematics(q: ArrayLike, case: Any = None) -> tuple[Array, Array]:
+    """Tool poses, rotation ``(N, 3, 3)`` and position ``(N, 3)`` [m], of joint coordinates ``(N, 5)`` [m, rad]."""
+    return robot(case).poses(q)
+
+
+def inverse_kinematics(rotation: ArrayLike, position: ArrayLike, case: Any = None) -> Array:
+    """Joint coordinates ``(N, 2, 5)`` of tool poses, for both signs of n_z; NaN where the tool does not get there."""
+    axis = np.reshape(rotation, (-1, 3, 3))[:, :, 2]
+    found = np.stack([joints_of(position, axis, side) for side in (-1.0, 1.0)], axis=1)
+    return robot(case).reaching(found, rotation, position)

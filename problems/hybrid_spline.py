@@ -21,55 +21,43 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
+from casadi import sumsqr
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.families import cubic_spline_free_ends
-from ocp_traj.errors import InputError
 from ocp_traj.formulation import standard
 from ocp_traj.formulation.about import About
-from ocp_traj.formulation.case import check, choice, number, numbers
+from ocp_traj.formulation.case import Checked, choice, number, numbers
 from ocp_traj.formulation.objective import MIDPOINT, TRAPEZOID, Objective
 from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.formulation.requirements import PathConstraint, Requirements, State
-from ocp_traj.problems.hybrid_robot import GRAVITY, JOINTS, L1, LIMITS, UNITS
+from ocp_traj.problems.hybrid_robot import GRAVITY, JOINTS, L1, LIMITS, UNITS, joints_of
+from ocp_traj.problems.hybrid_robot import forward_kinematics as forward_kinematics
 from ocp_traj.problems.hybrid_robot import inverse_kinematics as inverse_kinematics
 from ocp_traj.problems.hybrid_robot import robot as robot
 
-Array = NDArray[np.float64]
-
 CONVENTIONS = ("physical", "paper-literal")
-VIA_POINTS = ("rederived", "table6")
 
 
 @dataclass(frozen=True)
-class Guo2016:
+class Guo2016(Checked):
     """The paper's numbers; a field is what a user may change."""
 
     payload: float = number(10.0, "kg", "a finite mass", least=0.0)  # m_p, sect. 6
     convention: str = choice("physical", CONVENTIONS)
-    weights: tuple[float, float, float, float] = numbers(
-        (0.3, 0.3, 0.2, 0.2), least=0.0, some=True
-    )  # w of time, energy, jerk, acceleration; sect. 3.1
-    via_points: str = choice("rederived", VIA_POINTS)  # inverse kinematics of (156), or Table 6 with row 6 corrected
-    min_interval: float = number(0.02, "s", above=0.0)  # of the four intervals without a displacement: our choice
+    weights: tuple[float, float, float, float] = numbers((0.3, 0.3, 0.2, 0.2), least=0.0, some=True)  # w of z1 .. z4
+    via_points: str = choice("rederived", ("rederived", "table6"))  # of (156), or Table 6 with row 6 corrected
+    min_interval: float = number(0.02, "s", above=0.0, under="max_interval")  # of the four without a displacement: ours
     max_interval: float = number(4.0, "s", above=0.0)  # of every interval: our choice
     free_payload: bool = False  # whether the payload is a decision variable; sect. 5
     max_payload: float = number(100.0, "kg", "a finite mass", above=0.0)  # if freed: our choice
 
-    def __post_init__(self) -> None:
-        """Checks the fields."""
-        check(self)
-        if not self.min_interval < self.max_interval:
-            raise InputError(
-                f"min_interval {self.min_interval} s and max_interval {self.max_interval} s leave no interval; "
-                "give min_interval < max_interval"
-            )
-
 
 Case = Guo2016
 
-# Table 6: X_S1, X_S2, X_S3 [mm], phi_4, phi_5 [rad] of the 11 via points. Row 6 prints X_S3 = 223.38.
-TABLE_6 = (
+# Table 6, the 11 via points; its row 6 prints X_S3 = 223.38.
+TABLE_6 = pd.DataFrame(columns=["X_S1 [mm]", "X_S2 [mm]", "X_S3 [mm]", "phi_4 [rad]", "phi_5 [rad]"], data=(
     (262.63, 142.92, 367.10, -1.030, 1.028),
     (279.40, 189.61, 325.12, -1.082, 0.993),
     (298.23, 236.26, 288.21, -1.117, 0.918),
@@ -81,7 +69,7 @@ TABLE_6 = (
     (447.03, 543.04, 149.39, -1.280, 0.361),
     (476.11, 599.93, 139.50, -1.303, 0.252),
     (507.92, 662.77, 132.92, -1.350, 0.197),
-)
+))  # fmt: skip
 
 
 def task_points() -> tuple[Array, Array]:
@@ -94,11 +82,11 @@ def task_points() -> tuple[Array, Array]:
     return np.stack([x, y, z], axis=1) * 1e-3, axis
 
 
-def via_points(case: Guo2016) -> Array:
+def via_points(case: Guo2016 | None = None) -> Array:
     """The 11 via points in joint space ``(11, 5)`` [m, rad]."""
-    if case.via_points == "table6":
-        return np.asarray(np.array(TABLE_6) * np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0]))
-    return inverse_kinematics(*task_points())
+    if case and case.via_points == "table6":
+        return np.asarray(TABLE_6.to_numpy() * np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0]))
+    return joints_of(*task_points())
 
 
 # Of the default case, each with another within the reference point; python benchmarks/ideal_points.py hybrid-spline
@@ -123,48 +111,23 @@ def build(case: Guo2016 | None = None) -> Problem:
 
     def energy(s: State) -> Any:
         power = force(s) * s.v
-        return casadi.sum1(casadi.fabs(power)) ** 2 if literal else casadi.sumsqr(power)
+        return casadi.sum1(casadi.fabs(power)) ** 2 if literal else sumsqr(power)
 
-    steps = np.abs(np.diff(points, axis=0)) / LIMITS.velocity[1]
-    lower = np.full(12, case.min_interval)
-    lower[2:-2] = steps.max(axis=1)[1:-1]  # (152)
-    intervals = Variable("h", lower, np.full(12, case.max_interval), "s", tuple(f"h{i}" for i in range(1, 13)), "(152)")
-    mass = Variable("payload", np.zeros(1), np.array([case.max_payload]), "kg", ("payload",), "(123)")
-    variables = (intervals, mass) if case.free_payload else (intervals,)
+    def guess(rng: np.random.Generator) -> Array:  # step 3 of sect. 4: at random above (152), ends cut in two
+        whole, cut = least * rng.uniform(1.2, 4.0, 10), rng.uniform(0.2, 0.8, 2)
+        first, last = whole[0] * np.array([cut[0], 1 - cut[0]]), whole[-1] * np.array([cut[1], 1 - cut[1]])
+        return np.asarray(np.clip(np.concatenate([first, whole[1:-1], last]), lower, case.max_interval))
 
+    least = (np.abs(np.diff(points, axis=0)) / LIMITS.velocity[1]).max(axis=1)  # (152)
+    lower = np.concatenate([np.full(2, case.min_interval), least[1:-1], np.full(2, case.min_interval)])
+    names = tuple(f"h{i}" for i in range(1, 13))
     objectives = [
         Objective("time", "s", 1.0, eq="(113)", of_variables=lambda x, p: casadi.sum1(x[:12])),
-        Objective("energy", "N2 m2/s", 1000.0, eq="(114)", integrand=energy, quadrature=TRAPEZOID),
-        Objective(
-            "jerk", "(m2+rad2)/s5", 10.0, eq="(115)", integrand=lambda s: casadi.sumsqr(s.jerk), quadrature=MIDPOINT
-        ),
-        Objective(
-            "acceleration",
-            "(m2+rad2)/s3",
-            1.0,
-            eq="(116)",
-            integrand=lambda s: casadi.sumsqr(s.a),
-            quadrature=TRAPEZOID,
-        ),
+        Objective("energy", "N2 m2/s", 1000.0, "min", "(114)", energy, TRAPEZOID),
+        Objective("jerk", "(m2+rad2)/s5", 10.0, "min", "(115)", lambda s: sumsqr(s.jerk), MIDPOINT),
+        Objective("acceleration", "(m2+rad2)/s3", 1.0, "min", "(116)", lambda s: sumsqr(s.a), TRAPEZOID),
     ]
     terms = {o.id: w / o.scale for o, w in zip(objectives, case.weights, strict=True)}
-    objectives.append(Objective("cost", "-", 1.0, eq="(112), (153)", terms=terms))
-    if case.free_payload:
-        objectives.append(
-            Objective("payload_mass", "kg", 10.0, sense="max", eq="(123)", of_variables=lambda x, p: x[12])
-        )
-
-    def guess(rng: np.random.Generator) -> Array:
-        # Step 3 of sect. 4: random intervals above (152); the first and last displacement cut in two at random.
-        h = np.zeros(12)
-        least = steps.max(axis=1)
-        whole = least * rng.uniform(1.2, 4.0, 10)
-        cut = rng.uniform(0.2, 0.8, 2)
-        h[2:-2] = whole[1:-1]
-        h[:2], h[-2:] = whole[0] * np.array([cut[0], 1 - cut[0]]), whole[-1] * np.array([cut[1], 1 - cut[1]])
-        h = np.clip(h, lower, case.max_interval)
-        return np.append(h, rng.uniform(0.0, min(10.0, case.max_payload))) if case.free_payload else h
-
     kinds = {"position": "(118)", "velocity": "(119)", "acceleration": "(120)", "jerk": "(121)"}
     yaw = np.array([L1])
     limits = (
@@ -174,32 +137,32 @@ def build(case: Guo2016 | None = None) -> Problem:
     )
     knots = ((0, 0.0), *((k, 0.0) for k in range(2, 11)), (-1, 1.0))
     ends = standard.rest(JOINTS, UNITS, eq="sect. 3.2"), standard.via_points(points, knots, JOINTS, UNITS, "(127)")
-    return Problem(
+    problem = Problem(
         id="hybrid-spline",
         case=case,
         robot=machine,
-        variables=variables,
-        curve=lambda x: cubic_spline_free_ends(points, x[:12]),
-        parameters=lambda x: x[12:13] if case.free_payload else casadi.SX(case.payload),
-        objectives=tuple(objectives),
+        variables=(Variable("h", lower, np.full(12, case.max_interval), "s", names, "(152)"),),
+        curve=lambda x: cubic_spline_free_ends(points, x),
+        parameters=lambda x: casadi.SX(case.payload),
+        objectives=(*objectives, Objective("cost", "-", 1.0, eq="(112), (153)", terms=terms)),
         default_objective="cost",
         reference_point={"time": 8.0, "energy": 6000.0, "jerk": 100.0, "acceleration": 5.0},
         best_values=BEST if case == Guo2016() else {},
         requirements=Requirements(JOINTS, UNITS, limits, ends, ("payload",), continuity=2),
         guess=guess,
-        dilate=lambda x, s: np.concatenate([np.asarray(x)[:12] * s, np.asarray(x)[12:]]),
+        dilate=lambda x, s: np.asarray(x) * s,
         about=About(
-            "5-DOF hybrid robot, cubic splines, payload",
-            "Guo et al. (2016), doi:10.1155/2016/1302537",
+            "5-DOF hybrid robot, cubic splines, payload", "Guo et al. (2016), doi:10.1155/2016/1302537",
             "cubic spline, 12 segments, free end knots",
         ),
-    )
+    )  # fmt: skip
+    return standard.free_payload(problem, case.max_payload, 10.0, "(123)") if case.free_payload else problem
 
 
 # What the paper reports.
-TABLE_7 = (0.330, 0.837, 0.803, 0.569, 0.477, 0.382, 0.348, 0.348, 0.392, 0.552, 0.732, 0.420)  # h [s]
-TABLE_9 = {  # Fc, z1 .. z4
+TABLE_7 = pd.Series((0.330, 0.837, 0.803, 0.569, 0.477, 0.382, 0.348, 0.348, 0.392, 0.552, 0.732, 0.420), name="h [s]")
+TABLE_9 = {  # by objective, in its unit: Fc, z1 .. z4
     "NSGA-II, best": {"cost": 3.093, "time": 6.189, "energy": 3921.602, "jerk": 1.068, "acceleration": 0.194},
     "fmincon, mean of 100": {"cost": 3.220, "time": 7.146, "energy": 3250.239, "jerk": 2.510, "acceleration": 0.252},
 }
-LARGEST_PAYLOAD = "12.65"  # [kg] sect. 6
+LARGEST_PAYLOAD = 12.65  # [kg], sect. 6

@@ -8,18 +8,20 @@ assumptions. Limits up to snap are Table 3 of Ogbemhe et al. (2019), positions i
 
 from __future__ import annotations
 
-from math import hypot, pi
+from math import pi
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pinocchio.rpy import rpyToMatrix
 
 from ocp_traj.robot.chain import AxisJoint, LinkInertia
 from ocp_traj.robot.dynamics import Friction
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.robot import Robot
+from ocp_traj.robot.six_axis import JointAngles, SixAxisArm
 
 Array = NDArray[np.float64]
 
@@ -51,14 +53,21 @@ VELOCITY = (105.0, 101.0, 107.0, 292.0, 258.0, 284.0)  # [deg/s], Table 3
 ACCELERATION = (52.0, 50.0, 80.0, 136.0, 178.0, 206.0)  # [deg/s2], Table 3
 JERK = (75.0, 75.0, 82.0, 100.0, 190.0, 200.0)  # [deg/s3], Table 3
 SNAP = (100.0, 100.0, 95.0, 90.0, 105.0, 150.0)  # [deg/s4], Table 3
+TABLE_3 = pd.DataFrame(
+    {"velocity [deg/s]": VELOCITY, "acceleration [deg/s2]": ACCELERATION, "jerk [deg/s3]": JERK, "snap [deg/s4]": SNAP},
+    index=JOINTS,
+)
 POSITION = ((-185.0, -140.0, -120.0, -350.0, -125.0, -350.0), (185.0, -5.0, 155.0, 350.0, 125.0, 350.0))  # [deg], (20)
+RANGES = dict(zip(JOINTS, zip(*POSITION, strict=True), strict=True))
 EFFORT = (7290.0, 8910.0, 7539.0, 2431.0, 1461.0, 893.0)  # [N m], KR150 R3100-2
 COULOMB = 0.03  # of the effort: our assumption, as the next two
 VISCOUS = 0.05  # of the effort, at the largest velocity
 CREEP = 0.02  # of the largest velocity: where the Coulomb friction has risen to 76 %
-SHOULDER = (0.350, 0.675)  # [m], of A2 from A1's axis and from the ground
-WRIST = 0.215  # [m] of A6 from the wrist's centre to the flange
-REACH = 1.350 + hypot(0.041, 1.400)  # [m] from A2 to the wrist's centre, arm straight
+ARM = SixAxisArm(d1=0.675, a1=0.350, a2=1.350, a3=-0.041, d4=1.400, d6=0.215)  # [m], to the flange
+REACH = ARM.a2 + ARM.forearm  # [m] from A2 to the wrist's centre, arm straight
+THETA = JointAngles(  # of ``ARM``
+    np.array([-1.0, 1.0, 1.0, -1.0, 1.0, -1.0]), np.array([0.0, 0.0, -H, 0.0, 0.0, 0.0]), np.radians(POSITION)
+)
 
 
 def robot(payload: float = 0.0, *, riser: float = 0.0, gravity: float = 9.81) -> Robot:
@@ -82,7 +91,7 @@ def robot(payload: float = 0.0, *, riser: float = 0.0, gravity: float = 9.81) ->
         prefix=joints,
         base=pin.SE3(np.eye(3), np.array([0.0, 0.0, riser])),
         gravity=(0.0, 0.0, -gravity),
-        tool=flange * pin.SE3(rpyToMatrix(0.0, np.radians(TIP[1]), 0.0), np.array(TIP[0])),
+        tool=flange * _tip(),
         joints=JOINTS,
         units=("rad",) * 6,
         limits=JointLimits(
@@ -105,11 +114,24 @@ def _place(angles: tuple[float, ...], position: tuple[float, ...]) -> pin.SE3:
     return pin.SE3(rpyToMatrix(*angles), np.array(position))
 
 
+def _tip() -> pin.SE3:
+    """The torch's tip in the flange's frame."""
+    return _place((0.0, np.radians(TIP[1]), 0.0), TIP[0])
+
+
 def wrist_from_tip() -> Array:
     """The wrist's centre in the frame of the torch's tip ``(3,)`` [m]."""
-    place, tilt = TIP
-    turn = rpyToMatrix(0.0, np.radians(tilt), 0.0)
-    return np.asarray(turn.T @ (np.array([0.0, 0.0, -WRIST]) - np.array(place)))
+    return np.asarray(_tip().actInv(np.array([0.0, 0.0, -ARM.d6])))
+
+
+def inverse_kinematics(rotation: ArrayLike, position: ArrayLike, riser: float = 0.0) -> Array:
+    """Joints ``(N, 8, 6)`` [rad] that put the torch's tip at poses, NaN where a branch does not exist.
+
+    Whether the joints' ranges allow a branch is not looked at; ``ARM.inverse`` of the flange says what is singular.
+    """
+    tip, turned = _tip(), np.reshape(rotation, (-1, 3, 3)) @ _tip().rotation.T
+    flange = np.reshape(position, (-1, 3)) - turned @ tip.translation - np.array([0.0, 0.0, riser])
+    return THETA.joints(ARM.inverse(turned, flange).angles)
 
 
 def friction() -> Friction:

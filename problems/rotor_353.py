@@ -8,92 +8,67 @@ Deviations
   Table 2 is in degrees (printed rad), as the teach pendant shows them: its joint 3 is measured from the horizontal. Its
   joint 3 at X2 is -63.179: with that sign the last move is a pure translation, as the first is a turn about the
   vertical; ``as_printed`` keeps the printed 63.179. Table 1, row 4: a = 195 mm (printed 1100).
-  The paper gives no limits. Velocities, positions, inertias and efforts are those of the maker's robot description
-  (FANUC Corporation, fanuc_description, m10_8-20d, Apache-2.0); its efforts look like round placeholders. Accelerations
-  are our choice: 2 v_max per second. One (t1, t2, t3) for all joints; ``timing="per_joint"`` is the paper's recipe,
-  each joint alone and then the longest of each phase, which is neither optimal nor always within the limits.
+  The paper gives no limits. Velocities, positions, inertias and efforts are those of the maker's robot description (see
+  ``ocp_traj.problems.m10id``), whose efforts look like round placeholders. Accelerations are our choice: 2 v_max per
+  second. One (t1, t2, t3) for all joints; ``timing="per_joint"`` is the paper's recipe, each joint alone and then the
+  longest of each phase, which is neither optimal nor always within the limits.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import pi
 from typing import Any
 
 import casadi
 import numpy as np
-import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+import pandas as pd
+from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.families import polynomial_353
 from ocp_traj.errors import InputError
 from ocp_traj.formulation import standard
 from ocp_traj.formulation.about import About
-from ocp_traj.formulation.case import check, choice, number, numbers
+from ocp_traj.formulation.case import Checked, choice, number, numbers
 from ocp_traj.formulation.objective import Objective, gauss
 from ocp_traj.formulation.problem import Decomposition, Problem, Variable
-from ocp_traj.formulation.requirements import PathConstraint, Requirements, State
-from ocp_traj.robot.chain import AxisJoint, LinkInertia
+from ocp_traj.formulation.requirements import Expression, PathConstraint, Requirements, State
+from ocp_traj.problems import m10id
+from ocp_traj.problems.m10id import EFFORT, JOINTS, POSITION, VELOCITY, serial_angles
 from ocp_traj.robot.joint_limits import JointLimits
-from ocp_traj.robot.robot import ActuatorMap, Robot
-from ocp_traj.robot.six_axis import Branches, SixAxisArm, wrapped
+from ocp_traj.robot.robot import Robot
 
-Array = NDArray[np.float64]
 Six = tuple[float, ...]
 
-JOINTS = ("J1", "J2", "J3", "J4", "J5", "J6")
+ALL, RAD = range(6), ("rad",) * 6
+LINK_ANGLES = ("J1", "J2", "J2 + J3", "J4", "J5", "J6")
 TIMINGS = ("synchronised", "per_joint")
-VELOCITY = (210.0, 210.0, 220.0, 430.0, 450.0, 720.0)  # [deg/s], maker's description
 ACCELERATION = tuple(2.0 * v for v in VELOCITY)  # [deg/s^2]: our choice
-EFFORT = (2000.0, 3000.0, 1000.0, 100.0, 100.0, 50.0)  # [N m], maker's description
-POSITION = ((-185.0, -90.0, -90.0, -190.0, -179.999, -450.0), (185.0, 145.0, 222.0, 190.0, 179.999, 450.0))  # [deg]
 # [W] of |power|: sqrt(power^2 + s^2) exceeds it by at most s, and work comes out at most 6 s T too large. Our choice.
 SMOOTHING = 0.1
 # Gauss-Legendre nodes a segment, our choice. Measured on 22 motions of 1.4 to 4.3 s against finer rules: effort within
 # 1.4e-7 of its value, work within 0.3 %, smoothing included; squared jerk is of degree 4, so that 3 nodes are exact.
 NODES = {"effort": 16, "work": 24, "jerk": 3}
 
-# Table 2 [deg], points X_0 .. X_3 by joint; joint 3 of X_2 prints 63.179.
-TABLE_2 = (
+# Table 2; joint 3 of X_2 prints 63.179.
+TABLE_2 = pd.DataFrame(index=JOINTS, columns=["X_0 [deg]", "X_1 [deg]", "X_2 [deg]", "X_3 [deg]"], data=(
     (-23.496, -20.128, -7.361, -8.055),
     (73.451, 80.381, 68.721, 61.474),
     (-62.949, -55.208, -63.179, -68.520),
     (77.747, 78.321, -35.605, -29.593),
     (41.879, 35.783, 27.940, 32.293),
     (-2.099, -12.636, 53.129, 46.917),
-)
+))  # fmt: skip
 PRINTED_SIGN = 63.179  # [deg], Table 2, joint 3, X_2
-
-# Maker's description: placement [m] and axis of each joint; mass [kg], centre of mass [m], inertia about it
-# (xx, xy, xz, yy, yz, zz) [kg m^2] of its link, in the joint's frame.
-LINKS = (
-    ((0.0, 0.0, 0.45), (0, 0, 1), 25.1, (0.0385, -0.0176, -0.0359),
-     (0.285, -0.0106, -0.0157, 0.242, -0.00898, 0.336)),
-    ((0.075, 0.0, 0.0), (0, 1, 0), 33.5, (-0.0227, -0.151, 0.402),
-     (2.3, -0.0223, 0.0191, 2.33, -0.0412, 0.152)),
-    ((0.0, 0.0, 0.84), (0, -1, 0), 54.5, (0.242, 0.0064, 0.116),
-     (0.693, -0.0249, -0.368, 2.13, -0.035, 2.1)),
-    ((0.0, 0.0, 0.195), (-1, 0, 0), 17.5, (0.678, -0.0311, -0.000832),
-     (0.0509, 0.0696, 0.000437, 0.9, -0.000433, 0.915)),
-    ((1.1, 0.0, 0.0), (0, -1, 0), 1.16, (0.0214, -0.015, 0.0),
-     (0.00173, -0.000392, 0.0, 0.00191, 0.0, 0.00189)),
-    ((0.0, 0.0, 0.0), (-1, 0, 0), 0.224, (0.0537, 0.0, 0.0),
-     (0.000131, 0.0, 0.0, 0.000102, 0.0, 0.000102)),
-)  # fmt: skip
-FLANGE_AXES = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # of Table 1's frame 6 at zero
-FLANGE = 0.075  # [m] from the wrist along J6
-
-# Table 1 [m]: d1, a1, a2, a3, d4, d6; row 4 prints a3 = 1.1.
-TABLE_1 = {"d1": 0.45, "a1": 0.075, "a2": 0.84, "a3": 0.195, "d4": 1.1, "d6": 0.075}
-PRINTED_A3 = 1.1  # [m]
 
 
 @dataclass(frozen=True)
-class ZhuWang:
+class ZhuWang(Checked):
     """The paper's numbers; a field is what a user may change. Degrees, as in Table 2 and the maker's description."""
 
-    as_printed: bool = False  # joint 3 of X_2 with the printed sign; a3 of ``arm`` as printed
+    as_printed: bool = False  # joint 3 of X_2 with the printed sign; a3 of Table 1 as printed
     velocity: Six = numbers(VELOCITY, "deg/s", above=0.0)  # v_max, (14): maker's description
     acceleration: Six = numbers(ACCELERATION, "deg/s2", empty=True, above=0.0)  # a_max, (15): our choice; or none
     jerk: Six = numbers((), "deg/s3", size=6, empty=True, above=0.0)
@@ -101,93 +76,40 @@ class ZhuWang:
     position_limits: bool = True  # whether the maker's ranges of the joints are limits; the paper has none
     effort_limits: bool = True  # whether the maker's efforts are limits; the paper has none
     timing: str = choice("synchronised", TIMINGS)
-    min_duration: float = number(0.05, "s", above=0.0)  # of each segment: our choice
+    min_duration: float = number(0.05, "s", above=0.0, under="max_duration")  # of each segment: our choice
     max_duration: float = number(4.0, "s", above=0.0)  # our choice
     free_payload: bool = False  # whether the payload is a decision variable
     max_payload: float = number(150.0, "kg", "a finite mass", above=0.0)  # if freed: our choice
 
     def __post_init__(self) -> None:
         """Checks the fields."""
-        check(self)
+        super().__post_init__()
         if self.timing == "per_joint" and self.free_payload:
             raise InputError("timing per_joint has no payload to choose: every joint is timed alone")
-        if not self.min_duration < self.max_duration:
-            raise InputError(
-                f"min_duration {self.min_duration} s and max_duration {self.max_duration} s leave no duration; "
-                "give min_duration < max_duration"
-            )
 
 
 Case = ZhuWang
 
 
-def serial_angles(q: Any) -> Any:
-    """Angles between the links from the pendant's, whose joint 3 is measured from the horizontal. [rad]."""
-    return casadi.vertcat(q[0], q[1], q[1] + q[2], q[3], q[4], q[5])
-
-
-def robot() -> Robot:
-    """FANUC M-10iD/8L with the inertias of the maker's description; its coordinates are the pendant's angles."""
-    joints = []
-    for place, axis, mass, centre, (xx, xy, xz, yy, yz, zz) in LINKS:
-        inertia = LinkInertia(mass, centre, [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        joints.append(AxisJoint("revolute", axis, pin.SE3(np.eye(3), np.array(place)), inertia))
-    return Robot.from_dh(
-        rows=(),
-        inertias=(),
-        prefix=joints,
-        tool=pin.SE3(FLANGE_AXES, np.array([FLANGE, 0.0, 0.0])),
-        gravity=(0.0, 0.0, -9.81),
-        joints=JOINTS,
-        units=("rad",) * 6,
-        actuator_map=ActuatorMap("pendant angles", serial_angles),
-        name="FANUC M-10iD/8L",
-    )
-
-
-def arm(case: ZhuWang | None = None) -> SixAxisArm:
-    """The arm of Table 1, for forward and inverse kinematics."""
-    return SixAxisArm(**{**TABLE_1, "a3": PRINTED_A3} if case and case.as_printed else TABLE_1)
-
-
-def pendant_to_table_1(q: ArrayLike) -> Array:
-    """Angles theta of Table 1 from the pendant's (Table 2), ``(.., 6)`` [rad]."""
-    j1, j2, j3, j4, j5, j6 = np.moveaxis(np.asarray(q, dtype=float), -1, 0)
-    return np.asarray(np.stack([j1, j2 - pi / 2, -j2 - j3, -j4, -j5, -j6], axis=-1))
-
-
-def table_1_to_pendant(theta: ArrayLike) -> Array:
-    """The pendant's angles from Table 1's, ``(.., 6)`` [rad]; joints 2 and 3 on the turn that their ranges hold."""
-    th1, th2, th3, th4, th5, th6 = np.moveaxis(np.asarray(theta, dtype=float), -1, 0)
-    serial = np.asarray(np.stack([th1, th2 + pi / 2, -th3, -th4, -th5, -th6], axis=-1))
-    middle = np.radians(np.array(POSITION).mean(axis=0))
-    serial = middle + wrapped(serial - middle)
-    serial[..., 2] -= serial[..., 1]
-    return np.asarray(serial)
+def robot(case: ZhuWang | None = None) -> Robot:
+    """The arm, the same of every case."""
+    return m10id.robot()
 
 
 def forward_kinematics(q: ArrayLike, case: ZhuWang | None = None) -> tuple[Array, Array]:
     """Flange poses, rotation ``(N, 3, 3)`` and position ``(N, 3)`` [m], of pendant angles ``(N, 6)`` [rad]."""
-    return arm(case).forward(pendant_to_table_1(q))
+    return m10id.forward_kinematics(q, bool(case and case.as_printed))
 
 
-def inverse_kinematics(rotation: ArrayLike, position: ArrayLike, case: ZhuWang | None = None) -> tuple[Array, Branches]:
-    """Pendant angles ``(N, 8, 6)`` [rad] that reach flange poses, NaN where a branch does not exist.
-
-    (3) as printed takes the flange for the wrist and has signs of another arm. Whether the joints' ranges allow a
-    branch is not looked at.
-
-    Returns:
-        the angles, and the branches in Table 1's angles, with what is singular and why one does not exist.
-    """
-    branches = arm(case).inverse(rotation, position)
-    return table_1_to_pendant(branches.angles), branches
+def inverse_kinematics(rotation: ArrayLike, position: ArrayLike, case: ZhuWang | None = None) -> Array:
+    """Pendant angles ``(N, 8, 6)`` [rad] of flange poses, all branches, NaN where one does not exist."""
+    return m10id.inverse_kinematics(rotation, position, bool(case and case.as_printed))
 
 
-def via_points(case: ZhuWang) -> Array:
+def via_points(case: ZhuWang | None = None) -> Array:
     """Table 2: the four points ``(4, 6)`` [rad]."""
-    points = np.radians(np.array(TABLE_2).T)
-    if case.as_printed:
+    points = np.radians(TABLE_2.to_numpy().T)
+    if case and case.as_printed:
         points[2, 2] = np.radians(PRINTED_SIGN)
     return np.asarray(points)
 
@@ -254,115 +176,83 @@ BEST = {
 def build(case: ZhuWang | None = None) -> Problem:
     """The problem of a case."""
     case = case or ZhuWang()
-    points = via_points(case)
-    parts: tuple[Problem, ...] = ()
-    if case.timing == "per_joint":
-        parts = tuple(_problem(case, points, (j,)) for j in range(6))
-    return _problem(case, points, tuple(range(6)), parts)
-
-
-def _problem(case: ZhuWang, points: Array, chosen: tuple[int, ...], parts: tuple[Problem, ...] = ()) -> Problem:
-    """The problem of some joints; of all six with the robot's efforts."""
-    joints, count, whole = tuple(JOINTS[j] for j in chosen), len(chosen), len(chosen) == 6
-    machine = robot()
-    durations = Variable(
-        "t", np.full(3, case.min_duration), np.full(3, case.max_duration), "s", ("t1", "t2", "t3"), "(13)"
-    )
-    mass = Variable("payload", np.zeros(1), np.array([case.max_payload]), "kg", ("payload",), "ours")
-    free = case.free_payload
+    machine, points, strength, (low, high) = robot(), via_points(case), casadi.DM(EFFORT), np.radians(POSITION)
 
     def torque(s: State) -> Any:
         return machine.effort(s.q, s.v, s.a, payload=s.p[0])
 
-    limits: list[PathConstraint] = []
-    if whole and case.position_limits:
-        low, high = (np.radians(bound) for bound in POSITION)
-        labels = ("J1", "J2", "J2 + J3", "J4", "J5", "J6")
-        limits.append(
-            PathConstraint("position-limit", lambda s: serial_angles(s.q), low, high, ("rad",) * 6, labels, "maker")
-        )
-    given = {name: getattr(case, name) for name in ("velocity", "acceleration", "jerk")}
-    bounds = JointLimits(**{name: np.radians([values[j] for j in chosen]) for name, values in given.items() if values})
-    units, kinds = ("rad",) * count, {"velocity": "(14)", "acceleration": "(15)", "jerk": "ours"}
-    limits += standard.joint_limits(bounds, joints, units, kinds)
-    if whole and case.effort_limits:
-        strongest = np.array(EFFORT)
-        limits.append(standard.effort_limit(torque, (-strongest, strongest), machine.effort_units, joints, "maker"))
-    where = points[:, list(chosen)]
-    passed = ((0, 0.0), (1, 0.0), (2, 0.0), (-1, 1.0))
-    ends = (
-        standard.rest(joints, units, eq="sect. 3.1"),
-        standard.via_points(where, passed, joints, units, "Table 2"),
-    )
+    def strain(s: State) -> Any:
+        return casadi.sumsqr(torque(s) / strength)
 
-    objectives = [Objective("time", "s", 1.0, eq="(13)", of_variables=lambda x, p: casadi.sum1(x[:3]))]
-    if whole:
-        strength = casadi.DM(EFFORT)
-        objectives += [
-            Objective(
-                "effort", "s", 1.0, eq="sect. 5", quadrature=gauss(NODES["effort"]),
-                integrand=lambda s: casadi.sumsqr(torque(s) / strength),
-            ),
-            Objective(
-                "work", "J", 1000.0, eq="sect. 5", quadrature=gauss(NODES["work"]),
-                integrand=lambda s: casadi.sum1(casadi.sqrt((torque(s) * s.v) ** 2 + SMOOTHING**2)),
-            ),
-        ]  # fmt: skip
-    objectives.append(
-        Objective(
-            "jerk",
-            "rad2/s5",
-            1000.0,
-            eq="sect. 5",
-            quadrature=gauss(NODES["jerk"]),
-            integrand=lambda s: casadi.sumsqr(s.jerk),
-        )
-    )
-    if free:
-        objectives.append(Objective("payload_mass", "kg", 10.0, sense="max", eq="ours", of_variables=lambda x, p: x[3]))
+    def power(s: State) -> Any:
+        return casadi.sum1(casadi.sqrt((torque(s) * s.v) ** 2 + SMOOTHING**2))
+
+    def integral(id: str, unit: str, scale: float, integrand: Expression) -> Objective:
+        return Objective(id, unit, scale, eq="sect. 5", integrand=integrand, quadrature=gauss(NODES[id]))
+
+    time = Objective("time", "s", 1.0, eq="(13)", of_variables=lambda x, p: casadi.sum1(x[:3]))
+    jerk = integral("jerk", "rad2/s5", 1000.0, lambda s: casadi.sumsqr(s.jerk))
+    positions = PathConstraint("position-limit", lambda s: serial_angles(s.q), low, high, RAD, LINK_ANGLES, "maker")
+    efforts = standard.effort_limit(torque, EFFORT, machine.effort_units, JOINTS, "maker")
+    alone = ALL if case.timing == "per_joint" else ()
+    parts = tuple(_problem(case, points, [j], _limits(case, [j]), (time, jerk)) for j in alone)
+    problem = _problem(
+        case, points, ALL,
+        (*[positions] * case.position_limits, *_limits(case, ALL), *[efforts] * case.effort_limits),
+        (time, integral("effort", "s", 1.0, strain), integral("work", "J", 1000.0, power), jerk),
+        robot=machine,
+        reference_point=worst_worth_having(case, points, machine),
+        best_values=BEST if case == ZhuWang() else {},
+        decomposition=Decomposition(parts, lambda xs: np.max(xs, axis=0)) if parts else None,
+    )  # fmt: skip
+    return standard.free_payload(problem, case.max_payload, 5.0, "ours") if case.free_payload else problem
+
+
+def _limits(case: ZhuWang, chosen: Sequence[int]) -> tuple[PathConstraint, ...]:
+    """Velocity, acceleration and jerk of some joints, those that are given."""
+    kinds = {"velocity": "(14)", "acceleration": "(15)", "jerk": "ours"}
+    given = {name: np.radians(getattr(case, name))[list(chosen)] for name in kinds if getattr(case, name)}
+    return standard.joint_limits(JointLimits(**given), [JOINTS[j] for j in chosen], RAD[: len(chosen)], kinds)
+
+
+def _problem(
+    case: ZhuWang, points: Array, chosen: Sequence[int], limits: Sequence[PathConstraint],
+    objectives: tuple[Objective, ...], **more: Any,
+) -> Problem:  # fmt: skip
+    """The problem of some joints, in three durations for all of them."""
+    joints, units, where = tuple(JOINTS[j] for j in chosen), RAD[: len(chosen)], points[:, list(chosen)]
+    least, most = np.full(3, case.min_duration), np.full(3, case.max_duration)
+    passed = standard.via_points(where, ((0, 0.0), (1, 0.0), (2, 0.0), (-1, 1.0)), joints, units, "Table 2")
 
     def guess(rng: np.random.Generator) -> Array:
-        t = np.exp(rng.uniform(np.log(max(0.2, case.min_duration)), np.log(max(2.0, case.min_duration)), 3))
-        t = np.clip(t, case.min_duration, case.max_duration)
-        return np.append(t, rng.uniform(0.0, min(5.0, case.max_payload))) if free else t
+        low, high = (np.log(max(t, case.min_duration)) for t in (0.2, 2.0))
+        return np.clip(np.exp(rng.uniform(low, high, 3)), least, most)
 
     return Problem(
         id="rotor-353",
         case=case,
-        robot=machine if whole else None,
-        variables=(durations, mass) if free else (durations,),
+        variables=(Variable("t", least, most, "s", ("t1", "t2", "t3"), "(13)"),),
         curve=lambda x: polynomial_353(where, x[:3]),
-        parameters=lambda x: x[3:4] if free else casadi.SX(case.payload),
-        objectives=tuple(objectives),
-        default_objective="time",
-        reference_point=worst_worth_having(case, points, machine) if whole else {},
-        best_values=BEST if whole and case == ZhuWang() else {},
-        requirements=Requirements(joints, units, tuple(limits), ends, ("payload",), continuity=2),
+        parameters=lambda x: casadi.SX(case.payload),
+        objectives=objectives,
+        requirements=Requirements(
+            joints, units, tuple(limits), (standard.rest(joints, units, eq="sect. 3.1"), passed), ("payload",), 2
+        ),
         guess=guess,
-        dilate=lambda x, s: np.concatenate([np.asarray(x)[:3] * s, np.asarray(x)[3:]]),
-        scales_in_time=not free,
-        decomposition=Decomposition(parts, lambda xs: np.max(xs, axis=0)) if parts else None,
+        dilate=lambda x, s: np.asarray(x) * s,
+        scales_in_time=True,
         about=About(
-            "FANUC M-10iD/8L, 3-5-3 polynomials" + ("" if whole else f", {joints[0]} alone"),
+            "FANUC M-10iD/8L, 3-5-3 polynomials" + ("" if len(chosen) == 6 else f", {joints[0]} alone"),
             "Zhu and Wang, improved particle swarm, 3-5-3 polynomials",
             "3-5-3 polynomials, 3 segments",
             notes(case),
         ),
+        **more,
     )
 
 
-# What the paper reports, sect. 4 [s].
-PHASES = ("0.311", "0.660", "1.676")  # t1, t2, t3
-TOTAL = "2.647"
-SHORTENED = "56"  # [%]
+# What the paper reports, sect. 4.
+PHASES = pd.Series((0.311, 0.660, 1.676), ("t1 [s]", "t2 [s]", "t3 [s]"))
+TOTAL = 2.647  # [s]
+SHORTENED = 56.0  # [%]
 GUESS = 2.0  # [s], of each phase to begin with
-# As printed: Table 1 [mm], rows i of a_{i-1} and d_i; Table 2 [deg], printed rad, X_0 .. X_3 a joint.
-TABLE_1_PRINTED = (("0", "450"), ("75", "0"), ("840", "0"), ("1100", "1100"), ("0", "0"), ("0", "75"))
-TABLE_2_PRINTED = """
--23.496 -20.128  -7.361  -8.055
- 73.451  80.381  68.721  61.474
--62.949 -55.208  63.179 -68.520
- 77.747  78.321 -35.605 -29.593
- 41.879  35.783  27.940  32.293
- -2.099 -12.636  53.129  46.917
-"""

@@ -20,130 +20,83 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from itertools import pairwise
-from math import cos, radians
+from math import radians
 from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
+from casadi import sumsqr
+from numpy.typing import ArrayLike
 
-from ocp_traj.curves.bernstein import PiecewiseBezier
-from ocp_traj.curves.families import nonic
-from ocp_traj.curves.motion import Motion
+from ocp_traj.arrays import Array
+from ocp_traj.curves.families import at_rest, nonic
 from ocp_traj.errors import InputError
 from ocp_traj.formulation import standard
 from ocp_traj.formulation.about import About
-from ocp_traj.formulation.case import check, choice, number, numbers
+from ocp_traj.formulation.case import Checked, choice, number, numbers
 from ocp_traj.formulation.objective import Objective, gauss
 from ocp_traj.formulation.problem import Problem, Variable
-from ocp_traj.formulation.requirements import (
-    ORDERS,
-    DurationConstraint,
-    PathConstraint,
-    PointConstraint,
-    Requirements,
-    State,
-)
-from ocp_traj.formulation.tuning import Tuning
-from ocp_traj.paths.pieces import Pieces, at_piece
+from ocp_traj.formulation.requirements import DurationConstraint, PathConstraint, PointConstraint, Requirements
+from ocp_traj.formulation.tags import Tags
+from ocp_traj.formulation.tuning import Tuning, chebyshev
 from ocp_traj.paths.polyline_seam import PolylineSeam
 from ocp_traj.paths.seam import Placement, Seam, TubeSeam
-from ocp_traj.paths.tracking import pose_function
+from ocp_traj.paths.tracking import figures
 from ocp_traj.problems import kr90
-from ocp_traj.problems.weld_start import Start, at_rest, find_start, least_time
+from ocp_traj.problems.kr90 import JOINTS
+from ocp_traj.problems.kr90 import TABLE_3 as TABLE_3
+from ocp_traj.problems.weld_start import Start, find_start, least_time
 from ocp_traj.robot.robot import Robot
 
-Array = NDArray[np.float64]
-Six = tuple[float, float, float, float, float, float]
-
-CASES = ("seam", "air-move")
-JOINTS = kr90.JOINTS
+UNITS = ("rad",) * 6
 PRINTED_EFFORT = 35_000.0  # [N m], every joint: the paper's
-AIR_MOVE = (  # rest, via, rest [deg]: our choice
+# Rest, via, rest: our choice.
+AIR_MOVE = pd.DataFrame(columns=[f"{joint} [deg]" for joint in JOINTS], data=(
     (0.0, -90.0, 100.0, 0.0, 60.0, 0.0),
     (15.0, -80.0, 110.0, 20.0, 65.0, 15.0),
     (30.0, -65.0, 105.0, 45.0, 50.0, 40.0),
-)
-UNITS = tuple((unit,) * 6 for unit in ("rad", "rad/s", "rad/s2", "rad/s3", "rad/s4"))
-# Traces of these keep the torch's spin and the tags' derivatives definite where nothing else does; our choice.
-TRACES = {"movement": 1e-3, "snap": 1e-4}
-SCAN = 100  # instants a piece at which figures are taken; our choice
-MOST_TAGS = 40  # our choice: 1200 variables
-NODES = {"effort": 6, "movement": 9, "jerk": 7, "snap": 6}  # Gauss-Legendre nodes a segment; exact but for effort
-
-
-# Of both default cases, each objective with another within the reference point;
-# python benchmarks/ideal_points.py weld-bezier [case=air-move]. Air times on a seam end within 1 %: the best.
-BEST = {
-    "air_time": {"effort": 6.97691, "movement": 6.97691},
-    "effort": {"air_time": 3.63686, "movement": 3.63689},
-    "movement": {"air_time": 2.28997, "effort": 0.774962},
-}
-BEST_AIR_MOVE = {
-    "air_time": {"dynamic_effort": 4.23322, "effort": 4.23322, "movement": 4.23322},
-    "dynamic_effort": {"air_time": 0.0163711, "effort": 0.0162944, "movement": 0.0108871},
-    "effort": {"air_time": 0.386736, "dynamic_effort": 0.386736, "movement": 0.386736},
-    "movement": {"air_time": 0.261411, "dynamic_effort": 0.0400463, "effort": 0.107494},
-}
+))  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Ogbemhe2019:
+class Ogbemhe2019(Checked):
     """The numbers of a case; a field is what a user may change. Seam, torch and speeds are our choice."""
 
-    case: str = choice("seam", CASES)  # approach, weld and retract, or a move through a via point
-    psi: float = 60.0  # [deg] between brace and chord
-    chord_radius: float = 0.150  # [m]
-    brace_radius: float = 0.090  # [m]
-    phi: tuple[float, float] = (-90.0, 90.0)  # [deg] about the brace, from where to where is welded
+    case: str = choice("seam", ("seam", "air-move"))  # approach, weld and retract, or a move through a via point
+    psi: float = number(60.0, "deg", "an angle", above=0.0, most=90.0)  # between brace and chord
+    chord_radius: float = number(0.150, "m", above=0.0)
+    brace_radius: float = number(0.090, "m", above=0.0)
+    phi: tuple[float, float] = numbers((-90.0, 90.0), "deg")  # about the brace, from where to where is welded
     mirrored: bool = False  # the other brace of a K joint
-    origin: tuple[float, float, float] = (2.05, 0.0, 1.0)  # [m], where the tubes' axes cross
-    yaw: float = 180.0  # [deg] of the chord
+    origin: tuple[float, float, float] = numbers((2.05, 0.0, 1.0), "m")  # where the tubes' axes cross
+    yaw: float = number(180.0, "deg")  # of the chord
     seam_file: str = ""  # a CSV file of points and normals in place of the tubes; see ocp_traj.paths.polyline_seam
-    riser: float = 0.6  # [m], height the robot stands on
-    tags: int = number(9, what="a whole number", least=2, most=MOST_TAGS)  # along the seam
+    riser: float = number(0.6, "m")  # height the robot stands on
+    tags: int = number(9, what="a whole number", least=2, most=40)  # along the seam; 40 are 1200 variables
     weld_speed: float = number(0.008, "m/s", above=0.0)
     tcp_box: float = number(0.04e-3, "m", above=0.0)  # the tip's error along each axis
     tcp_tolerance: float = number(0.5e-3, "m", above=0.0)  # its distance from the seam
     max_tilt: float = number(5.0, "deg", "an angle", above=0.0, below=90.0)  # of the torch
     payload: float = number(0.0, "kg", "a finite mass", least=0.0)  # at the flange, beside the torch
-    home: Six = (0.0, -90.0, 100.0, 0.0, -60.0, 180.0)  # [deg]
+    home: tuple[float, ...] = numbers((0.0, -90.0, 100.0, 0.0, -60.0, 180.0), "deg", ranges=kr90.RANGES)
     as_printed: bool = False  # the paper's torque limit
     rest_at_tags: bool = False  # of the air move
     # Of air time, effort, movement, snap in the sum.
     weights: tuple[float, float, float, float] = numbers((1.0, 1.0, 1.0, 1e-3), least=0.0, some=True)
-    min_air_time: float = number(0.5, "s", above=0.0)  # of each air move
+    min_air_time: float = number(0.5, "s", above=0.0, under="max_air_time")  # of each air move
     max_air_time: float = number(30.0, "s", above=0.0)
 
     def __post_init__(self) -> None:
-        """Checks the fields; those of a seam are checked where it is made."""
-        check(self)
+        """Checks the fields; what makes no seam of tubes is found where it is made."""
+        super().__post_init__()
         if self.rest_at_tags and self.case == "seam":
             raise InputError("rest_at_tags is for case air-move: a weld that keeps its speed does not rest at its tags")
-        if not self.min_air_time < self.max_air_time:
-            raise InputError(
-                f"min_air_time {self.min_air_time} s and max_air_time {self.max_air_time} s leave no duration; "
-                "widen them"
-            )
-        low, high = kr90.POSITION
-        for joint, lower, angle, upper in zip(JOINTS, low, self.home, high, strict=True):
-            if not lower < angle < upper:
-                raise InputError(f"home has {joint} at {angle} deg; its range is {lower:g} to {upper:g} deg")
 
 
 Case = Ogbemhe2019
-
-
-def _nodes(count: int) -> tuple[float, ...]:
-    """Chebyshev's nodes on [0, 1], between which a polynomial held there cannot swing far."""
-    return tuple(float(u) for u in (1.0 - np.cos(np.pi * (np.arange(count) + 0.5) / count)) / 2.0)
-
-
-def _extremes(count: int) -> tuple[float, ...]:
-    """Chebyshev's extremes on [0, 1], ends included."""
-    return tuple(float(u) for u in (1.0 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2.0)
 
 
 def seam(case: Ogbemhe2019) -> Seam:
@@ -161,169 +114,137 @@ def start(case: Ogbemhe2019) -> Start:
     return find_start(kr90.robot(riser=case.riser), seam(case), case)
 
 
+def robot(case: Ogbemhe2019 | None = None) -> Robot:
+    """The stand-in on its riser, with the payload of a case."""
+    case = case or Ogbemhe2019()
+    return kr90.robot(case.payload, riser=case.riser)
+
+
+def forward_kinematics(q: ArrayLike, case: Ogbemhe2019 | None = None) -> tuple[Array, Array]:
+    """Poses of the torch's tip, rotation ``(N, 3, 3)`` and position ``(N, 3)`` [m], of joints ``(N, 6)`` [rad]."""
+    return robot(case).poses(q)
+
+
+def inverse_kinematics(rotation: ArrayLike, position: ArrayLike, case: Ogbemhe2019 | None = None) -> Array:
+    """Joints ``(N, 8, 6)`` [rad] of poses of the torch's tip, all branches, NaN where one does not exist."""
+    return kr90.inverse_kinematics(rotation, position, (case or Ogbemhe2019()).riser)
+
+
+def via_points(case: Ogbemhe2019 | None = None) -> Array:
+    """Joints [rad] that no variable moves: home before and after a seam ``(2, 6)``, the air move's three ``(3, 6)``."""
+    case = case or Ogbemhe2019()
+    return np.radians([case.home] * 2 if case.case == "seam" else AIR_MOVE.to_numpy())
+
+
+# Of both default cases, each objective with another within the reference point;
+# python benchmarks/ideal_points.py weld-bezier [case=air-move]. Air times on a seam end within 1 %: the best.
+BEST = {
+    "seam": {
+        "air_time": {"effort": 6.97691, "movement": 6.97691},
+        "effort": {"air_time": 3.63686, "movement": 3.63689},
+        "movement": {"air_time": 2.28997, "effort": 0.774962},
+    },
+    "air-move": {
+        "air_time": {"dynamic_effort": 4.23322, "effort": 4.23322, "movement": 4.23322},
+        "dynamic_effort": {"air_time": 0.0163711, "effort": 0.0162944, "movement": 0.0108871},
+        "effort": {"air_time": 0.386736, "dynamic_effort": 0.386736, "movement": 0.386736},
+        "movement": {"air_time": 0.261411, "dynamic_effort": 0.0400463, "effort": 0.107494},
+    },
+}
+
+
 def build(case: Ogbemhe2019 | None = None) -> Problem:
     """The problem of a case."""
     case = case or Ogbemhe2019()
-    machine = kr90.robot(case.payload, riser=case.riser)
-    limits = _joint_limits(case, machine)
-    return _seam_problem(case, machine, limits) if case.case == "seam" else _air_move(case, machine, limits)
+    return _weld(case) if case.case == "seam" else _air_move(case)
 
 
-def _objectives(case: Ogbemhe2019, machine: Robot, air: Callable[[Any], Any]) -> tuple[Objective, ...]:
+def _objectives(case: Ogbemhe2019, machine: Robot) -> tuple[Objective, ...]:
+    """Integrals are exact but for effort; the last two variables are the durations of the air moves."""
     strength = casadi.DM(kr90.EFFORT)
     floating = kr90.robot(case.payload, riser=case.riser, gravity=0.0)
 
-    def integral(name: str, unit: str, eq: str, integrand: Callable[[State], Any], rule: str = "") -> Objective:
-        return Objective(name, unit, 1.0, eq=eq, integrand=integrand, quadrature=gauss(NODES[rule or name]))
-
-    def strain(robot: Robot) -> Callable[[State], Any]:
-        return lambda s: casadi.sumsqr(kr90.torque(robot, s.q, s.v, s.a) / strength)
+    def strain(robot: Robot) -> Any:
+        return lambda s: sumsqr(kr90.torque(robot, s.q, s.v, s.a) / strength)
 
     parts = dict(zip(("air_time", "effort", "movement", "snap"), case.weights, strict=True))
     return (
-        Objective("air_time", "s", 1.0, eq="sect. I", of_variables=lambda x, p: air(x)),
-        integral("effort", "s", "(1)", strain(machine)),
-        integral("dynamic_effort", "s", "our choice", strain(floating), "effort"),
-        integral("movement", "rad2/s", "sect. III-A", lambda s: casadi.sumsqr(s.v)),
-        integral("jerk", "rad2/s5", "sect. VII", lambda s: casadi.sumsqr(s.jerk)),
-        integral("snap", "rad2/s7", "sect. VII", lambda s: casadi.sumsqr(s.snap)),
+        Objective("air_time", "s", 1.0, eq="sect. I", of_variables=lambda x, p: x[-2] + x[-1]),
+        Objective("effort", "s", 1.0, "min", "(1)", strain(machine), gauss(6)),
+        Objective("dynamic_effort", "s", 1.0, "min", "our choice", strain(floating), gauss(6)),
+        Objective("movement", "rad2/s", 1.0, "min", "sect. III-A", lambda s: sumsqr(s.v), gauss(9)),
+        Objective("jerk", "rad2/s5", 1.0, "min", "sect. VII", lambda s: sumsqr(s.jerk), gauss(7)),
+        Objective("snap", "rad2/s7", 1.0, "min", "sect. VII", lambda s: sumsqr(s.snap), gauss(6)),
         Objective("total", "-", 1.0, eq="our choice", terms=parts),
     )
 
 
-def _joint_limits(case: Ogbemhe2019, machine: Robot) -> list[PathConstraint]:
-    kinds = {"position": "(20)", **dict.fromkeys(("velocity", "acceleration", "jerk", "snap"), "Table 3")}
-    effort = np.full(6, PRINTED_EFFORT) if case.as_printed else np.array(kr90.EFFORT)
-
-    def torque(s: State) -> Any:
-        return kr90.torque(machine, s.q, s.v, s.a)
-
-    return [
-        *standard.joint_limits(machine.limits, JOINTS, UNITS[0], kinds),
-        standard.effort_limit(torque, (-effort, effort), machine.effort_units, JOINTS, "(25)"),
-    ]
-
-
-def _rest_constraint(id: str, at: tuple[int, float], q: Array) -> PointConstraint:
-    """At rest in all derivatives up to snap, at a posture."""
-    return standard.posture(id, q, (at,), JOINTS, UNITS[0], "sect. IV-B")
-
-
-def _tag_variables(tag: str, weld: float, position: bool) -> list[Variable]:
-    """Derivatives of the joints at a tag times powers of the time between tags, within Table 3; positions if free."""
-    low, high = np.radians(kr90.POSITION)
-    bounds = [(low, high)] if position else []
-    for order, table in enumerate((kr90.VELOCITY, kr90.ACCELERATION, kr90.JERK, kr90.SNAP), 1):
-        most = np.radians(table) * weld**order
-        bounds.append((-most, most))
-    names = ORDERS if position else ORDERS[1:]
-    return [
-        Variable(f"{name} at {tag}", *pair, "rad", tuple(f"{tag} {name} {j}" for j in JOINTS), "sect. III-C")
-        for name, pair in zip(names, bounds, strict=True)
-    ]
-
-
-def _scaled_states(block: Any, weld: float, orders: Sequence[int]) -> Any:
-    """Derivatives ``(orders, 6)`` of a tag from its variables."""
-    powers = np.array([weld**-k for k in orders])
-    if isinstance(block, casadi.SX):
-        rows = casadi.reshape(block, 6, len(orders)).T
-        return casadi.mtimes(casadi.SX(casadi.diag(casadi.DM(powers))), rows)
-    return np.asarray(block, dtype=float).reshape(len(orders), 6) * powers[:, None]
+def _rest(id: str, q: Array, at: tuple[int, float]) -> PointConstraint:
+    return standard.posture(id, q, (at,), JOINTS, UNITS, "sect. IV-B")
 
 
 def _problem(
-    case: Ogbemhe2019, machine: Robot, variables: Sequence[Variable], curve: Callable[[Any], PiecewiseBezier],
-    limits: Sequence[PathConstraint], points: Sequence[PointConstraint], guess: Callable[[np.random.Generator], Array],
-    durations: tuple[DurationConstraint, ...] = (), **more: Any,
+    case: Ogbemhe2019, machine: Robot, tags: Tags, labels: tuple[str, str],
+    guess: Callable[[np.random.Generator], Array], passed: Sequence[PointConstraint] = (),
+    followed: Sequence[PathConstraint] = (), paced: Sequence[DurationConstraint] = (), **more: Any,
 ) -> Problem:  # fmt: skip
-    """What both cases share; the last two variables are the air moves' durations."""
-    count = sum(len(v.labels) for v in variables)
-    lower = np.concatenate([v.lower for v in variables])
-    upper = np.concatenate([v.upper for v in variables])
+    """What both cases share: rest, an air move, tags with durations that are held, an air move, rest."""
+    first, last = via_points(case)[[0, -1]]
+    least, most = np.full(2, case.min_air_time), np.full(2, case.max_air_time)
+    variables = (*tags.variables("rad", "sect. III-C"), Variable("T", least, most, "s", labels, "our choice"))
+    lower, upper = (np.concatenate([getattr(v, end) for v in variables]) for end in ("lower", "upper"))
+
+    held = [t for constraint in paced for t in constraint.lower]
+    kinds = {"position": "(20)", **dict.fromkeys(("velocity", "acceleration", "jerk", "snap"), "Table 3")}
+    efforts = np.full(6, PRINTED_EFFORT) if case.as_printed else kr90.EFFORT
+    effort = standard.effort_limit(
+        lambda s: kr90.torque(machine, s.q, s.v, s.a), efforts, machine.effort_units, JOINTS, "(25)"
+    )
+    limits = (*standard.joint_limits(machine.limits, JOINTS, UNITS, kinds), effort, *followed)
+    points = (_rest("start", first, (0, 0.0)), *passed, _rest("end", last, (-1, 1.0)))
+    ends = [casadi.SX(at_rest(q)) for q in (first, last)]
     return Problem(
         id="weld-bezier",
         case=case,
         robot=machine,
-        variables=tuple(variables),
-        curve=curve,
-        objectives=_objectives(case, machine, lambda x: x[count - 2] + x[count - 1]),
+        variables=variables,
+        curve=lambda x: nonic([ends[0], *tags.states(x), ends[1]], casadi.vertcat(x[-2], *held, x[-1])),
+        objectives=_objectives(case, machine),
         default_objective="total",
-        requirements=Requirements(
-            JOINTS, ("rad",) * 6, tuple(limits), tuple(points), continuity=4, duration_constraints=durations
-        ),
+        best_values=BEST[case.case] if case == Ogbemhe2019(case=case.case) else {},
+        requirements=Requirements(JOINTS, UNITS, limits, points, continuity=4, duration_constraints=tuple(paced)),
         guess=lambda rng: np.clip(guess(rng), lower, upper),
         **more,
     )
 
 
 def _about(case: Ogbemhe2019, words: str, curve_kind: str, **more: Any) -> About:
-    title = f"KUKA KR90 stand-in, nonic Bezier segments, {words}"
-    return About(title, "Ogbemhe, Mpofu and Tlale (2019), IEEE Access", curve_kind, notes(case), **more)
-
-
-def notes(case: Ogbemhe2019) -> tuple[str, ...]:
-    """What the paper leaves out and this case has."""
-    said = ["the robot is a stand-in for the KR90: KR150 R3100-2 inertias and efforts on the KR90's dimensions"]
+    """With what the paper leaves out and this case has."""
+    notes = ["the robot is a stand-in for the KR90: KR150 R3100-2 inertias and efforts on the KR90's dimensions"]
     if case.as_printed:
-        said.append(f"torque limit {PRINTED_EFFORT:g} N m on every joint, as printed: it never binds")
-    return tuple(said)
+        notes.append(f"torque limit {PRINTED_EFFORT:g} N m on every joint, as printed: it never binds")
+    title = f"KUKA KR90 stand-in, nonic Bezier segments, {words}"
+    return About(title, "Ogbemhe, Mpofu and Tlale (2019), IEEE Access", curve_kind, tuple(notes), **more)
 
 
-def _durations(case: Ogbemhe2019, labels: tuple[str, str]) -> Variable:
-    return Variable("T", np.full(2, case.min_air_time), np.full(2, case.max_air_time), "s", labels, "our choice")
-
-
-def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstraint]) -> Problem:
-    begun = start(case)
-    cut, tags, home = begun.cut, case.tags, np.radians(case.home)
-    weld = float(cut.tags[-1]) / case.weld_speed / (tags - 1)
-    pace = np.full(tags - 1, weld)
-    variables = [v for tag in range(1, tags + 1) for v in _tag_variables(f"tag {tag}", weld, position=True)]
-    variables.append(_durations(case, ("approach", "retract")))
-
-    def curve(x: Any) -> PiecewiseBezier:
-        symbolic = isinstance(x, casadi.SX)
-        rest: Any = casadi.SX(at_rest(home)) if symbolic else at_rest(home)
-        inner = [_scaled_states(x[30 * tag : 30 * tag + 30], weld, range(5)) for tag in range(tags)]
-        times = [x[30 * tags], *([weld] * (tags - 1)), x[30 * tags + 1]]
-        return nonic([rest, *inner, rest], casadi.vertcat(*times) if symbolic else np.array(times, dtype=float))
-
-    def guess(rng: np.random.Generator) -> Array:
-        return np.concatenate([begun.fit.states.ravel(), begun.air])  # random ones wind the wrist up
-
-    table = np.zeros((tags + 1, cut.constants.shape[1]))
-    table[1:tags] = cut.constants
-    along: dict[str, Any] = {"eq": "our choice", "constants": table, "segments": tuple(range(1, tags))}
-
-    def error(s: State) -> Any:
-        return machine.tool_pose(s.q)[1] - at_piece(s.c, s.u)[0]
-
-    def tilt(s: State) -> Any:
-        return 1.0 - casadi.dot(machine.tool_pose(s.q)[0][:, 2], at_piece(s.c, s.u)[1])
-
-    # What the polynomials miss of the seam comes off the bounds.
-    box, radius = case.tcp_box - cut.position_error, 1e3 * (case.tcp_tolerance - cut.position_error)
-    most = 1.0 - cos(radians(case.max_tilt)) - cut.axis_error
-    tracked = (
-        PathConstraint("tcp", error, np.full(3, -box), np.full(3, box), ("m",) * 3, ("x", "y", "z"), **along),
-        PathConstraint(
-            "tcp-distance", lambda s: casadi.sumsqr(1e3 * error(s)), np.array([-np.inf]), np.array([radius**2]),
-            ("mm2",), ("squared",), **along,
-        ),
-        PathConstraint("tilt", tilt, np.array([-np.inf]), np.array([most]), ("-",), ("1 - cos",), **along),
-    )  # fmt: skip
+def _weld(case: Ogbemhe2019) -> Problem:
+    begun, machine, path, count = start(case), robot(case), seam(case), case.tags
+    cut, pieces = begun.cut, range(1, count)
+    pace = np.full(count - 1, float(cut.tags[-1]) / case.weld_speed / (count - 1))
+    tags = Tags(dict.fromkeys(f"tag {k}" for k in range(1, count + 1)), machine.limits, JOINTS, pace[0])
     return _problem(
-        case, machine, variables, curve, (*limits, *tracked),
-        (_rest_constraint("start", (0, 0.0), home), _rest_constraint("end", (-1, 1.0), home)),
-        guess,
-        durations=(DurationConstraint("weld-time", tuple(range(1, tags)), pace, pace, "our choice"),),
+        case, machine, tags, ("approach", "retract"),
+        lambda rng: np.concatenate([begun.fit.states.ravel(), begun.air]),  # random ones wind the wrist up
+        followed=standard.follow(
+            machine, cut, pieces, count + 1, case.tcp_box, case.tcp_tolerance, radians(case.max_tilt), "our choice"
+        ),
+        paced=(DurationConstraint("weld-time", tuple(pieces), pace, pace, "our choice"),),
         reference_point={"air_time": 12.0, "effort": 12.0, "movement": 25.0},
-        best_values=BEST if case == Ogbemhe2019() else {},
         tuning=Tuning(
-            instants={"tcp": _nodes(10), "tilt": _nodes(4), "snap-limit": _extremes(7)},
+            instants={"tcp": chebyshev(10), "tilt": chebyshev(4), "snap-limit": chebyshev(7, ends=True)},
             instants_move=False,
-            regularisation=TRACES,
+            # Traces that keep the torch's spin and the tags' derivatives definite where nothing else does; our choice.
+            regularisation={"movement": 1e-3, "snap": 1e-4},
             # The torch's spin leaves valleys that bend: short steps down them, made longer soon, and a barrier that is
             # low from the start; the optimum of "total" lies in the middle of a valley.
             solver_options={
@@ -333,67 +254,24 @@ def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstr
         ),
         about=_about(
             case, "a seam" if case.seam_file else "a tubular seam",
-            f"nonic Bezier, approach, {tags - 1} pieces of the seam, retract",
-            figures=partial(_figures, machine, seam(case), cut),
+            f"nonic Bezier, approach, {count - 1} pieces of the seam, retract",
+            figures=lambda motion: figures(machine, path, cut.tags, motion.curve, 1),
         ),
     )  # fmt: skip
 
 
-def _figures(machine: Robot, path: Seam, cut: Pieces, motion: Motion) -> list[tuple[str, float, str]]:
-    """How closely a trajectory keeps to the seam itself, at ``SCAN`` instants a piece."""
-    u = np.linspace(0.0, 1.0, SCAN)
-    q = np.concatenate([motion.curve.at(k, u) for k in range(1, len(cut.tags))])
-    place, axis, *_ = (np.array(o).T for o in pose_function(machine).map(len(q))(q.T))
-    wanted = path.at(np.concatenate([a + (b - a) * u for a, b in pairwise(cut.tags)]))
-    off = np.linalg.norm(place - wanted.position, axis=1)
-    tilt = np.arccos(np.clip((axis * wanted.axis).sum(axis=1), -1.0, 1.0))
-    return [
-        ("tip off the seam, rms", 1e3 * float(np.sqrt((off**2).mean())), "mm"),
-        ("tip off the seam, largest", 1e3 * float(off.max()), "mm"),
-        ("tilt of the torch, largest", float(np.degrees(tilt.max())), "deg"),
-        ("time of the weld", float(motion.curve.durations[1:-1].sum()), "s"),
-    ]
-
-
-def _air_move(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstraint]) -> Problem:
-    points = np.radians(np.array(AIR_MOVE))
-    rest = at_rest(points[1])
-    least = [least_time(at_rest(a), at_rest(b), case) for a, b in pairwise(points)]
-    unit = float(np.mean(least))  # [s], by powers of which the via point's derivatives are scaled
-    variables = [] if case.rest_at_tags else _tag_variables("via", unit, position=False)
-    variables.append(_durations(case, ("T1", "T2")))
-    inner = 0 if case.rest_at_tags else 24
-
-    def curve(x: Any) -> PiecewiseBezier:
-        symbolic = isinstance(x, casadi.SX)
-        if case.rest_at_tags:
-            via: Any = casadi.SX(rest) if symbolic else rest
-        else:
-            moving = _scaled_states(x[:24], unit, range(1, 5))
-            via = casadi.vertcat(casadi.SX(points[1]).T, moving) if symbolic else np.vstack([points[1], moving])
-        ends = [casadi.SX(at_rest(q)) if symbolic else at_rest(q) for q in points[[0, 2]]]
-        times = x[inner : inner + 2]
-        return nonic([ends[0], via, ends[1]], times if symbolic else np.asarray(times, dtype=float))
-
-    def guess(rng: np.random.Generator) -> Array:
-        return np.concatenate([0.05 * rng.normal(size=inner), np.array(least) * rng.uniform(1.0, 1.5, 2)])
-
-    def dilate(x: Array, s: float) -> Array:
-        slower = np.array(x, dtype=float)
-        slower[:inner] /= np.repeat([s, s**2, s**3, s**4], 6)[:inner]
-        slower[inner:] *= s
-        return slower
-
-    via_point = standard.via_points(points[1], ((1, 0.0),), JOINTS, UNITS[0], "our choice")
+def _air_move(case: Ogbemhe2019) -> Problem:
+    machine, points = robot(case), via_points(case)
+    least = np.array([least_time(at_rest(a), at_rest(b), case) for a, b in pairwise(points)])
+    tags = Tags({"via": points[1]}, machine.limits, JOINTS, float(least.mean()), case.rest_at_tags)
+    via = standard.via_points(points[1], ((1, 0.0),), JOINTS, UNITS, "our choice")
     if case.rest_at_tags:
-        via_point = _rest_constraint("via", (1, 0.0), points[1])
+        via = _rest("via", points[1], (1, 0.0))
     return _problem(
-        case, machine, variables, curve, limits,
-        (_rest_constraint("start", (0, 0.0), points[0]), via_point, _rest_constraint("end", (-1, 1.0), points[2])),
-        guess,
+        case, machine, tags, ("T1", "T2"),
+        lambda rng: np.concatenate([0.05 * rng.normal(size=tags.size), least * rng.uniform(1.0, 1.5, 2)]), (via,),
         reference_point={"air_time": 9.0, "dynamic_effort": 0.05, "effort": 2.0, "movement": 2.0},
-        best_values=BEST_AIR_MOVE if case == Ogbemhe2019(case="air-move") else {},
-        dilate=dilate,
+        dilate=tags.dilate,
         # Our choice: Coulomb friction makes many local optima of dynamic effort.
         tuning=Tuning(starts=3),
         about=_about(case, "an air move through a via point", "nonic Bezier, 2 segments"),

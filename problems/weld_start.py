@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.curves.families import nonic
+from ocp_traj.curves.families import at_rest, nonic
 from ocp_traj.errors import InputError
 from ocp_traj.paths.pieces import Pieces, pieces
 from ocp_traj.paths.seam import Seam
@@ -92,11 +92,6 @@ def least_time(start: Array, end: Array, case: Case) -> float:
     return float(case.max_air_time)
 
 
-def at_rest(q: Array) -> Array:
-    """The state at rest ``(5, 6)``."""
-    return np.concatenate([q[None], np.zeros((4, 6))])
-
-
 def _obstruction(machine: Robot, cut: Pieces, fit: Fit, case: Case) -> str:
     """Why a fit does not follow the seam, by its worst tag; empty where it does."""
     pose = pose_function(machine)
@@ -147,8 +142,8 @@ def _wrist_distance(place: Array, axis: Array, case: Case) -> float:
         x = np.cos(spin) * side[0] + np.sin(spin) * side[1]
         rotation = np.stack([x, np.cross(axis, x), axis], axis=1)
         wrist = place + rotation @ kr90.wrist_from_tip()
-        out = np.hypot(wrist[0], wrist[1]) - kr90.SHOULDER[0]
-        best = min(best, float(np.hypot(out, wrist[2] - case.riser - kr90.SHOULDER[1])))
+        out = np.hypot(wrist[0], wrist[1]) - kr90.ARM.a1
+        best = min(best, float(np.hypot(out, wrist[2] - case.riser - kr90.ARM.d1)))
     return best
 
 

@@ -16,37 +16,35 @@ Deviations
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from math import asin, atan2, hypot, isfinite, pi, sqrt
+from math import hypot, isfinite, pi, sqrt
 from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
+from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.families import quartic_quintic
 from ocp_traj.errors import InputError
 from ocp_traj.formulation import standard
 from ocp_traj.formulation.about import About
-from ocp_traj.formulation.case import check, choice, number, numbers
+from ocp_traj.formulation.case import Checked, choice, number, numbers
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem, Variable
-from ocp_traj.formulation.requirements import PathConstraint, PointConstraint, Requirements, State
+from ocp_traj.formulation.requirements import Requirements
 from ocp_traj.formulation.rows import Conflict
 from ocp_traj.formulation.tuning import Tuning
-from ocp_traj.robot.chain import AxisJoint, LinkInertia
+from ocp_traj.problems import wrist
+from ocp_traj.problems.wrist import JOINTS, UNITS
+from ocp_traj.robot.collision import Obstacle, least_clearance
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.robot import Robot
 
-Array = NDArray[np.float64]
 Point = tuple[float, float, float]
 
-JOINTS = ("theta1", "theta2", "theta3")
-UNITS = ("rad", "rad", "rad")
+UNIT = 0.1  # [m], of the paper's lengths; our choice
 BRANCHES = ("best", "0", "1")
 # Start and goal of the tip [length units]; those of sect. 5 in the plane are (-1, 1) and (1, 1).
 CASES: dict[str, tuple[Point, Point]] = {
@@ -59,7 +57,7 @@ RESERVE = 2e-9  # [rad], by which a clearance is reported short of what was foun
 
 
 @dataclass(frozen=True)
-class ElHaiek2019:
+class ElHaiek2019(Checked):
     """The numbers of a case; a field is what a user may change. Lengths are in the paper's unit, which has no name."""
 
     case: str = choice("blocked", tuple(CASES))  # start and goal change either
@@ -76,29 +74,19 @@ class ElHaiek2019:
     max_position: tuple[float, float, float] = numbers((pi, pi, pi), "rad", above=0.0)  # sect. 5
     max_velocity: tuple[float, float, float] = numbers((2.0, 2.0, 3.0), "rad/s", above=0.0)
     max_acceleration: tuple[float, float, float] = numbers((10.0, 10.0, 15.0), "rad/s2", above=0.0)
-    min_time: float = number(0.1, "s", above=0.0)  # of t1 and of t2
+    min_time: float = number(0.1, "s", above=0.0, under="max_time")  # of t1 and of t2
     max_time: float = number(4.0, "s", above=0.0)
     effort_limits: bool = False  # whether the motors' torques are limited as well
     max_effort: tuple[float, float, float] = numbers((1.0, 2.0, 0.2), "N m", above=0.0)
 
     def __post_init__(self) -> None:
-        """Checks the fields."""
-        check(self)
-        if not self.min_time < self.max_time:
-            raise InputError(f"min_time {self.min_time} s is not below max_time {self.max_time} s; widen them")
+        """Checks the fields, and that start, goal and obstacles lie where they can."""
+        super().__post_init__()
         for name, point in (("start", self.ends[0]), ("goal", self.ends[1])):
-            if len(point) != 3 or not all(map(isfinite, point)) or abs(_size(point) / self.d3 - 1.0) > REACHED:
+            if len(point) != 3 or not all(map(isfinite, point)) or abs(hypot(*point) / self.d3 - 1.0) > REACHED:
                 raise InputError(
-                    f"{name} is {point}, {_size(point):.6g} from the base; the tip moves at d3 = {self.d3:.6g} "
+                    f"{name} is {point}, {hypot(*point):.6g} from the base; the tip moves at d3 = {self.d3:.6g} "
                     "from it: give three numbers, a point at that distance (to 1 %)"
-                )
-        for i, obstacle in enumerate(self.obstacles, 1):
-            if len(obstacle) != 4 or not all(map(isfinite, obstacle)) or not obstacle[3] > 0.0:
-                raise InputError(f"obstacle {i} is {obstacle}; give x:y:z:radius, the radius above zero")
-            if _size(obstacle[:3]) <= obstacle[3] + self.link_radius:
-                raise InputError(
-                    f"obstacle {i} at {obstacle[:3]} with radius {obstacle[3]} reaches the link's base at the "
-                    f"origin (link radius {self.link_radius}); no motion could be clear of it: move or shrink it"
                 )
         for sphere in obstacles(self):
             if not self.min_clearance + ROOM < sphere.most_clearance:
@@ -117,110 +105,31 @@ class ElHaiek2019:
 Case = ElHaiek2019
 
 
-def _size(point: Sequence[float] | Array) -> float:
-    return hypot(*point)
-
-
-@dataclass(frozen=True)
-class Obstacle:
-    """A sphere grown by the link's radius, so that the link is a line.
-
-    Attributes:
-        number: from 1.
-        centre: c ``(3,)``.
-        size: |c|.
-        radius: R = r + rho.
-        link: d3, the link's length.
-    """
-
-    number: int
-    centre: Array
-    size: float
-    radius: float
-    link: float
-
-    @property
-    def half_angle(self) -> float:
-        """Half the angle under which it is seen from the base, asin(R / |c|) [rad]."""
-        return asin(self.radius / self.size)
-
-    @property
-    def within_reach(self) -> bool:
-        """Whether the link is as long as the tangents from the base: then it is clear where its direction is."""
-        return self.link >= sqrt(self.size**2 - self.radius**2)
-
-    @property
-    def most_clearance(self) -> float:
-        """The clearance of a link that points away from it, or, beyond reach, of one that ends at the base [rad]."""
-        return (pi if self.within_reach else pi / 2.0) - self.half_angle
-
-    def depth(self, tip: Array) -> float:
-        """How deep the link reaches into it, R less the distance from the centre to the segment from base to tip."""
-        along = float(np.clip(self.centre @ tip / (tip @ tip), 0.0, 1.0))
-        return float(self.radius - np.linalg.norm(along * tip - self.centre))
-
-
 def obstacles(case: ElHaiek2019) -> list[Obstacle]:
     """The obstacles of a case."""
-    return [
-        Obstacle(i, np.array(o[:3]), _size(o[:3]), o[3] + case.link_radius, case.d3)
-        for i, o in enumerate(case.obstacles, 1)
-    ]
+    return [Obstacle(i, sphere, case.d3, case.link_radius) for i, sphere in enumerate(case.obstacles, 1)]
 
 
-def direction(q: Any) -> Any:
-    """Direction of the link, (1)-(3) over d3: a symbolic column from joints ``(3,)``."""
-    return casadi.vertcat(casadi.cos(q[0]) * casadi.sin(q[1]), casadi.sin(q[0]) * casadi.sin(q[1]), casadi.cos(q[1]))
-
-
-def directions(q: Array) -> Array:
-    """Directions of the link ``(N, 3)`` from joints ``(N, 3)``."""
-    sine = np.sin(q[:, 1])
-    return np.stack([np.cos(q[:, 0]) * sine, np.sin(q[:, 0]) * sine, np.cos(q[:, 1])], axis=1)
-
-
-def inverse_kinematics(point: Sequence[float] | Array, branch: int = 0) -> tuple[float, float]:
-    """theta1, theta2 [rad] in (-pi, pi] that point the link at a point; branch 1 is (th1 -+ pi, -th2)."""
-    x, y, z = point
-    th1, th2 = atan2(y, x), atan2(hypot(x, y), z)
-    if branch == 0:
-        return th1, th2
-    return (th1 - pi if th1 > 0.0 else th1 + pi), -th2
-
-
-def robot(case: ElHaiek2019) -> Robot:
-    """Rz(th1) Ry(th2) Rz(th3): masses 1.2, 0.8, 0.25 kg and 0.30 kg at the tip, 0.1 m a length unit; all our choice.
-
-    Links 1 and 2 are solid cylinders of radius 0.05 and 0.04 m and height 0.1 and 0.08 m about the centre of the wrist,
-    link 3 is a rod of radius 0.02 m from there to the tip. Gravity acts along -z of the base.
-    """
-    length = 0.1 * case.d3  # [m]
-
-    def cylinder(mass: float, radius: float, height: float, centre: float = 0.0) -> LinkInertia:
-        across = mass * (3.0 * radius**2 + height**2) / 12.0
-        return LinkInertia(mass, (0.0, 0.0, centre), np.diag([across, across, mass * radius**2 / 2.0]))
-
-    rod, tip = cylinder(0.25, 0.02, length, length / 2.0), 0.30
-    mass = rod.mass + tip
-    centre = (rod.mass * length / 2.0 + tip * length) / mass
-    spread = rod.mass * (centre - length / 2.0) ** 2 + tip * (length - centre) ** 2
-    third = LinkInertia(mass, (0.0, 0.0, centre), rod.inertia + np.diag([spread, spread, 0.0]))
-    links = (cylinder(1.2, 0.05, 0.1), cylinder(0.8, 0.04, 0.08), third)
-    axes = ((0, 0, 1), (0, 1, 0), (0, 0, 1))
-    return Robot.from_dh(
-        rows=(),
-        inertias=(),
-        prefix=tuple(AxisJoint("revolute", axis=axis, inertia=link) for axis, link in zip(axes, links, strict=True)),
-        joints=JOINTS,
-        units=UNITS,
-        limits=JointLimits(
-            position=(tuple(-b for b in case.max_position), case.max_position),
-            velocity=case.max_velocity,
-            acceleration=case.max_acceleration,
-            effort=case.max_effort,
-        ),
-        name="spherical wrist",
+def robot(case: ElHaiek2019 | None = None) -> Robot:
+    """The wrist, with the limits of a case."""
+    case = case or ElHaiek2019()
+    limits = JointLimits(
+        position=(tuple(-b for b in case.max_position), case.max_position),
+        velocity=case.max_velocity,
+        acceleration=case.max_acceleration,
+        effort=case.max_effort,
     )
+    return wrist.robot(UNIT * case.d3, limits)
+
+
+def forward_kinematics(q: ArrayLike, case: ElHaiek2019 | None = None) -> tuple[Array, Array]:
+    """Poses of the tip, rotation ``(N, 3, 3)`` and position ``(N, 3)`` [m], of joints ``(N, 3)`` [rad]."""
+    return robot(case).poses(q)
+
+
+def inverse_kinematics(rotation: ArrayLike, position: ArrayLike, case: ElHaiek2019 | None = None) -> Array:
+    """Joints ``(N, 2, 3)`` [rad] of poses of the tip, both branches, NaN where the tip does not get there."""
+    return robot(case).reaching(wrist.inverse_kinematics(rotation, position), rotation, position)
 
 
 # Of the default case, of either branch the better, each objective with another within the reference point;
@@ -233,26 +142,32 @@ BEST = {
 }
 
 
+def via_points(case: ElHaiek2019 | None = None) -> Array:
+    """Joints ``(2, 3)`` [rad] at start and goal; theta3 is 0 at the start (our choice), and free at the goal: NaN."""
+    case = case or ElHaiek2019()
+    start, goal = case.ends
+    return np.array([[*wrist.pointing(start), 0.0], [*wrist.pointing(goal, int(case.branch == "1")), np.nan]])
+
+
 def build(case: ElHaiek2019 | None = None) -> Problem:
     """The problem of a case; with branch ``best`` it is branch 0's, and its alternatives are both branches."""
     case = case or ElHaiek2019()
     if case.branch != "best":
-        return _build(case, int(case.branch))
-    branches = {f"branch {b}": _build(replace(case, branch=str(b)), b) for b in (0, 1)}
+        return _build(case)
+    branches = {f"branch {b}": _build(replace(case, branch=b)) for b in BRANCHES[1:]}
     return replace(branches["branch 0"], case=case, alternatives=branches)
 
 
-def _build(case: ElHaiek2019, branch: int) -> Problem:
+def _build(case: ElHaiek2019) -> Problem:
     machine, spheres = robot(case), obstacles(case)
-    start = np.array([*inverse_kinematics(case.ends[0]), 0.0])  # th3 is 0 at the start: our choice
-    goal = inverse_kinematics(case.ends[1], branch)
+    start, end = via_points(case)
+    goal = end[:2]
     position, speed = np.array(case.max_position), np.array(case.max_velocity)
-    times = np.full(2, case.min_time), np.full(2, case.max_time)
     variables = [
         Variable("via", -position, position, "rad", tuple(f"via {j}" for j in JOINTS), "sect. 5"),
         Variable("via_velocity", -speed, speed, "rad/s", tuple(f"via velocity {j}" for j in JOINTS), "our choice"),
         Variable("theta_g", -position[2:], position[2:], "rad", ("theta3 at the goal",), "sect. 4"),
-        Variable("t", *times, "s", ("t1", "t2"), "our choice"),
+        Variable("t", np.full(2, case.min_time), np.full(2, case.max_time), "s", ("t1", "t2"), "our choice"),
     ]
     objectives = [
         Objective("time", "s", 1.0, eq="(17)", of_variables=lambda x, p: x[7] + x[8]),
@@ -261,11 +176,10 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
     ]
     worst = {"time": 4.0, "distance": 10.0, "fitness": 14.0}  # worth having; our choice
     if spheres:
-        ends = directions(np.array([start, [*goal, 0.0]]))
-        room = max(min(float(_clearance(ends, o).min()) for o in spheres), case.min_clearance + ROOM)
-        least, most = np.array([case.min_clearance]), np.array([room])  # no trajectory has more than its ends have
-        margin = ("least clearance",)
-        variables.append(Variable("margin", least, most, "rad", margin, "our choice", slack_of="clearance"))
+        ends = wrist.directions(np.array([start, [*goal, 0.0]]))
+        room = max(min(float(o.clearance(ends).min()) for o in spheres), case.min_clearance + ROOM)
+        low, high = np.array([case.min_clearance]), np.array([room])  # no trajectory has more than its ends have
+        variables.append(Variable("margin", low, high, "rad", ("least clearance",), "our choice", slack_of="clearance"))
         objectives.append(Objective("clearance", "rad", 0.1, "max", "our choice", of_variables=lambda x, p: x[9]))
         worst["clearance"] = case.min_clearance
     lower, upper = np.concatenate([v.lower for v in variables]), np.concatenate([v.upper for v in variables])
@@ -287,10 +201,31 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
 
     def tighten_slacks(x: Array) -> Array:
         tight = np.array(x, dtype=float)
-        found = clearance(curve(tight), spheres) - RESERVE
-        tight[9] = np.clip(found, case.min_clearance, room)
+        tight[9] = least_clearance(curve(tight), wrist.directions, spheres) - RESERVE
+        tight[9] = np.clip(tight[9], case.min_clearance, room)
         return tight
 
+    def describe(conflict: Conflict) -> str:
+        if not conflict.row.limit.endswith("obstacles"):
+            return ""
+        at_goal = conflict.row.segment > 0
+        tip, sphere = np.array(case.ends[at_goal]), spheres[int(conflict.row.label.split()[-1]) - 1]
+        return sphere.describe(tip * case.d3 / hypot(*tip), f"at the {('start', 'goal')[at_goal]}", case.min_clearance)
+
+    kinds = {"position": "sect. 5", "velocity": "our choice", "acceleration": "our choice"}
+    effort = standard.effort_limit(
+        lambda s: machine.effort(s.q, s.v, s.a), case.max_effort, machine.effort_units, JOINTS, "our choice"
+    )
+    limits = (
+        *standard.joint_limits(machine.limits, JOINTS, UNITS, kinds),
+        *[effort] * case.effort_limits,
+        *standard.clear_of(spheres, wrist.direction, lambda s: s.p[0], "(20)"),
+    )
+    points = (
+        standard.rest(JOINTS, UNITS, eq="sect. 3"),
+        standard.via_points(start, ((0, 0.0),), JOINTS, UNITS, "sect. 5", id="start"),
+        standard.via_points(end, ((-1, 1.0),), JOINTS, UNITS, "sect. 5", id="goal"),
+    )
     return Problem(
         id="wrist-obstacle",
         case=case,
@@ -302,14 +237,7 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
         default_objective="fitness",
         reference_point=worst,
         best_values=BEST if replace(case, branch="best") == ElHaiek2019() else {},
-        requirements=Requirements(
-            JOINTS,
-            UNITS,
-            tuple(_limits(case, machine, spheres)),
-            _points(start, goal),
-            ("clearance",) if spheres else (),
-            continuity=2,
-        ),  # fmt: skip
+        requirements=Requirements(JOINTS, UNITS, limits, points, ("clearance",) if spheres else (), continuity=2),
         guess=guess,
         dilate=dilate,
         tighten_slacks=tighten_slacks if spheres else None,
@@ -320,121 +248,12 @@ def _build(case: ElHaiek2019, branch: int) -> Problem:
         ),
         about=About(
             "spherical wrist, quartic and quintic, obstacles",
-            "El Haiek et al. (2019), Procedia Manufacturing 32, 960-968",
-            "quartic and quintic through one via point",
-            homotopy_class=lambda motion: way(motion.curve, spheres, branch),
-            describe_conflict=partial(_describe_conflict, case, spheres),
+            "El Haiek et al. (2019), Procedia Manufacturing 32, 960-968", "quartic and quintic through one via point",
+            homotopy_class=lambda motion: wrist.way(motion.curve, spheres, int(case.branch)),
+            describe_conflict=describe,
         ),
-    )
-
-
-def _limits(case: ElHaiek2019, machine: Robot, spheres: Sequence[Obstacle]) -> list[PathConstraint]:
-    kinds = {"position": "sect. 5", "velocity": "our choice", "acceleration": "our choice"}
-    limits = list(standard.joint_limits(machine.limits, JOINTS, UNITS, kinds))
-    if case.effort_limits:
-        most = np.array(case.max_effort)
-        limits.append(
-            standard.effort_limit(
-                lambda s: machine.effort(s.q, s.v, s.a), (-most, most), machine.effort_units, JOINTS, "our choice"
-            )
-        )
-    near = [o for o in spheres if o.within_reach]
-    far = [o for o in spheres if not o.within_reach]
-
-    def cosines(s: State) -> Any:
-        u = direction(s.q)
-        return casadi.vertcat(*(casadi.dot(o.centre / o.size, u) - casadi.cos(o.half_angle + s.p[0]) for o in near))
-
-    def depths(s: State) -> Any:  # how far a point of the link is inside the grown sphere, squared distances over |c|^2
-        point = case.d3 * s.s * direction(s.q)
-        return casadi.vertcat(
-            *(
-                casadi.sin(o.half_angle + s.p[0]) ** 2 - casadi.sumsqr((point - casadi.DM(o.centre)) / o.size)
-                for o in far
-            )
-        )
-
-    for name, some, expression in (("obstacles", near, cosines), ("far-obstacles", far, depths)):
-        if some:
-            labels, none = tuple(f"obstacle {o.number}" for o in some), np.full(len(some), -np.inf)
-            limits.append(
-                PathConstraint(
-                    name, expression, none, np.zeros(len(some)), ("-",) * len(some), labels, "(20)", sweep=some is far
-                )
-            )
-    return limits
-
-
-def _points(start: Array, goal: tuple[float, float]) -> tuple[PointConstraint, ...]:
-    rest = standard.rest(JOINTS, UNITS, eq="sect. 3")
-    first = standard.via_points(start, ((0, 0.0),), JOINTS, UNITS, "sect. 5", id="start")
-    last = PointConstraint(
-        "goal", lambda s: s.q[:2], ((-1, 1.0),), np.array(goal), np.array(goal), UNITS[:2], JOINTS[:2], "sect. 5",
-        structural=True,
     )  # fmt: skip
-    return rest, first, last
 
 
-def _clearance(unit: Array, sphere: Obstacle) -> Array:
-    """Clearance of directions ``(N, 3)`` from an obstacle ``(N,)`` [rad].
-
-    It is the angle by which the obstacle, seen from the base, may grow until the link touches it.
-    """
-    if not sphere.within_reach:
-        along = np.clip(unit @ sphere.centre, 0.0, sphere.link)
-        distance = np.linalg.norm(sphere.centre - along[:, None] * unit, axis=1)
-        return np.asarray(np.arcsin(np.minimum(distance / sphere.size, 1.0)) - sphere.half_angle)
-    return np.asarray(np.arccos(np.clip(unit @ sphere.centre / sphere.size, -1.0, 1.0)) - sphere.half_angle)
-
-
-def clearance(curve: PiecewiseBezier, spheres: Sequence[Obstacle]) -> float:
-    """The clearance along a curve [rad]: least over time and obstacles, by a scan and a search in its best cells."""
-    least = np.inf
-    u = np.linspace(0.0, 1.0, 129)
-    for sphere in spheres:
-        for k in range(curve.segments):
-            values = _clearance(directions(curve.at(k, u)), sphere)
-            least = min(least, float(values.min()))
-            inner = np.nonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:]))[0] + 1
-            for i in inner[values[inner] < values.min() + 0.01]:  # a cell's least value is closer to its samples' [rad]
-                found = minimize_scalar(
-                    lambda t, k=k, sphere=sphere: float(_clearance(directions(curve.at(k, t)), sphere)[0]),
-                    bounds=(u[i - 1], u[i + 1]), method="bounded", options={"xatol": 1e-12},
-                )  # fmt: skip
-                least = min(least, float(found.fun))
-    return least
-
-
-def way(curve: PiecewiseBezier, spheres: Sequence[Obstacle], branch: int) -> str:
-    """The way past the obstacles: the goal's branch, then per obstacle on which sides of its joint images it passes.
-
-    The link points at an obstacle's centre at two places of the plane (theta1, theta2). About each the curve turns by
-    some angle; its sign, + for anticlockwise, says on which side the curve passes, a number before it the full turns.
-    """
-    q = np.concatenate([curve.at(k, np.linspace(0.0, 1.0, 401)) for k in range(curve.segments)])
-    words = [f"branch {branch}"]
-    for sphere in spheres:
-        signs = ""
-        for image in (0, 1):
-            away = q[:, :2] - np.array(inverse_kinematics(sphere.centre, image))
-            angle = np.unwrap(np.arctan2(away[:, 1], away[:, 0]))
-            turn = angle[-1] - angle[0]
-            turns = int(abs(turn) // (2.0 * pi))
-            signs += (str(turns) if turns else "") + ("+" if turn >= 0.0 else "-")
-        words.append(f"obstacle {sphere.number} {signs}")
-    return ", ".join(words)
-
-
-def _describe_conflict(case: ElHaiek2019, spheres: Sequence[Obstacle], conflict: Conflict) -> str:
-    if conflict.row.limit not in ("obstacles", "far-obstacles"):
-        return ""
-    sphere = spheres[int(conflict.row.label.split()[-1]) - 1]
-    end = ("start", "goal")[conflict.row.segment > 0]
-    x, y, z, radius = case.obstacles[sphere.number - 1]
-    named = f"{conflict.row.label} (centre {x:g}, {y:g}, {z:g}, radius {radius:g}, link radius {case.link_radius:g})"
-    tip = np.array(case.ends[conflict.row.segment > 0])
-    depth = sphere.depth(tip * case.d3 / _size(tip))
-    if depth > 0.0:
-        return f"{named} touches the link at the {end}: they overlap by {depth:.4g}"
-    found = float(_clearance(tip[None] / _size(tip), sphere)[0])
-    return f"{named} leaves {found:.4g} rad of clearance at the {end}; min_clearance is {case.min_clearance:g}"
+# What the paper reports, sect. 5; the fitness with weights that it does not give.
+TIME, FITNESS = 0.2, 8.1  # [s], [-]

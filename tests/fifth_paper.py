@@ -17,23 +17,19 @@ import casadi
 import numpy as np
 
 import ocp_traj as ot
-from ocp_traj.formulation.case import check, number, numbers
+from ocp_traj.formulation.case import Checked, number, numbers
 
 JOINTS, UNITS = ("x", "y"), ("m", "m")
 
 
 @dataclass(frozen=True)
-class FlashHogan1985:
+class FlashHogan1985(Checked):
     """The numbers of a movement; our choice."""
 
     start: tuple[float, float] = (0.0, 0.3)  # [m]
     goal: tuple[float, float] = numbers((0.2, 0.5), "m")
     duration: float = number(0.8, "s", above=0.0)
     max_speed: float = number(1.0, "m/s", above=0.0)  # along each axis
-
-    def __post_init__(self) -> None:
-        """Checks the fields."""
-        check(self)
 
 
 Case = FlashHogan1985

@@ -357,7 +357,7 @@ def test_require_lets_only_usable_solutions_through(status: Status) -> None:
         ({"weights": 3.0}, InputError, "weights is 3.0; give 4 numbers"),
         ({"weights": (0, 0, 0, 0)}, InputError, "4 finite numbers, zero or more and not all zero"),
         ({"weights": (1, 1, 1, -1)}, InputError, "4 finite numbers, zero or more and not all zero"),
-        ({"min_interval": 5.0}, InputError, "min_interval 5.0 s and max_interval 4.0 s leave no interval"),
+        ({"min_interval": 5.0}, InputError, "min_interval 5.0 s and max_interval 4.0 s leave nothing between"),
         ({"min_interval": 0.0}, InputError, "min_interval is 0.0 s; give a finite number above zero"),
         ({"max_interval": float("inf")}, InputError, "max_interval is inf s; give a finite number"),
         ({"max_interval": 0.1}, ProblemDefinitionError, "variable 'h': the bounds of h3 are empty"),

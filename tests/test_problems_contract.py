@@ -1,15 +1,19 @@
 """What every registered problem must do; a new paper gets these tests with its line in the registry."""
 
 import ast
+import re
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
+import pandas as pd
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from ocp_traj import problems
+from ocp_traj.errors import InputError
 from ocp_traj.evolution.population import Population
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import GoalAttainment, WeightedSum
@@ -138,6 +142,106 @@ def test_a_problem_module_imports_no_solver_and_no_solver_a_problem_module() -> 
                 if isinstance(node, ast.ImportFrom):
                     names = [f"{node.module}.{a.name}" for a in node.names]
                 assert not any(name.startswith(banned) for name in names), file
+
+
+# --- modules ---
+
+
+def test_a_module_has_what_every_module_has(problem: Problem) -> None:
+    module = problems.module(problem.id)
+    assert module.Case is problems.case_class(problem.id)
+    assert module.build().case == module.Case()
+    assert module.robot(problem.case).joints == module.robot().joints == problem.requirements.joints
+    assert_array_equal(module.via_points(), module.via_points(module.Case()))
+    for name in ("Case", "build", "robot", "forward_kinematics", "inverse_kinematics", "via_points", "TABLE_n"):
+        assert f"``{name}" in (problems.__doc__ or "")
+
+
+def test_the_curve_passes_through_the_via_points_in_their_order(problem: Problem) -> None:
+    points = problems.module(problem.id).via_points(problem.case)
+    assert points.shape[1] == problem.requirements.dof
+    curve = trajectory_of(problem, np.random.default_rng(7).uniform(problem.lower, problem.upper)).curve
+    knots = iter([curve.at(0, 0.0)[0], *(curve.at(k, 1.0)[0] for k in range(curve.segments))])
+    for point in points:
+        held = ~np.isnan(point)
+        assert held.any()
+        assert any(np.abs(knot - point)[held].max() <= 1e-9 for knot in knots)  # goes on from the last one found
+    first, last = curve.at(0, 0.0)[0], curve.at(curve.segments - 1, 1.0)[0]
+    for point, end in ((points[0], first), (points[-1], last)):
+        assert np.nanmax(np.abs(end - point)) <= 1e-9
+
+
+def test_inverse_kinematics_undoes_forward_kinematics(problem: Problem) -> None:
+    """One branch of a via point's pose is the via point, and all that exist have its pose."""
+    module, q = problems.module(problem.id), problems.module(problem.id).via_points(problem.case)
+    q = np.where(np.isnan(q), 0.3, q)
+    rotation, position = module.forward_kinematics(q, problem.case)
+    assert rotation.shape == (len(q), 3, 3) and position.shape == (len(q), 3)
+    found = module.inverse_kinematics(rotation, position, problem.case)
+    assert found.shape == (len(q), found.shape[1], q.shape[1])
+    exists = ~np.isnan(found).any(axis=2)
+    assert (exists == ~np.isnan(found).all(axis=2)).all()
+    turns = np.array([2.0 * np.pi if unit == "rad" else np.inf for unit in problem.requirements.joint_units])
+    away = np.abs(found - q[:, None])
+    away = np.minimum(away, np.abs(away - turns))
+    assert (np.where(exists, away.max(axis=2), np.inf).min(axis=1) <= 1e-9).all()
+    for i, branch in np.argwhere(exists):
+        again = module.forward_kinematics(found[i, branch][None], problem.case)
+        assert_allclose(again[0][0], rotation[i], rtol=0, atol=1e-9)
+        assert_allclose(again[1][0], position[i], rtol=0, atol=1e-9)
+
+
+def test_a_pose_that_the_tool_does_not_reach_has_no_joint_coordinates(problem: Problem) -> None:
+    module = problems.module(problem.id)
+    found = module.inverse_kinematics(np.eye(3), [50.0, 0.0, 0.0], problem.case)  # [m]
+    assert np.isnan(found).all()
+
+
+def test_forward_kinematics_is_that_of_the_robot(problem: Problem) -> None:
+    if problem.id == "rotor-353" and problem.case.as_printed:
+        pytest.skip("Table 1 as printed is no arm's")
+    module = problems.module(problem.id)
+    q = np.random.default_rng(8).uniform(-0.5, 0.5, (5, problem.requirements.dof))
+    robot = module.robot(problem.case)
+    for ours, theirs in zip(module.forward_kinematics(q, problem.case), robot.poses(q), strict=True):
+        assert_allclose(ours, theirs, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", problems.names())
+def test_tables_have_units(name: str) -> None:
+    module = problems.module(name)
+    tables = [value for key, value in vars(module).items() if re.fullmatch(r"TABLE_\d+", key)]
+    assert tables or name == "wrist-obstacle"  # which has none
+    for table in tables:
+        if isinstance(table, dict):
+            assert all(set(line) <= {o.id for o in module.build().objectives} for line in table.values())
+        else:
+            labels = [table.name or table.index[0]] if isinstance(table, pd.Series) else table.columns
+            assert all(re.search(r"\[.+\]$", label) for label in labels) and np.isfinite(table.to_numpy()).all()
+
+
+@pytest.mark.parametrize("name", problems.names())
+def test_fields_of_a_case_say_what_they_may_be(name: str) -> None:
+    """A choice among words, or numbers that are finite; a bound is met or the case refused."""
+    Case = problems.case_class(name)
+    for f in fields(Case):
+        value = f.default
+        if isinstance(value, bool) or value is None or f.name == "seam_file":
+            continue
+        if isinstance(value, tuple) and not value:
+            bad: Any = (np.nan,) * f.metadata["size"]
+        elif isinstance(value, tuple):
+            bad = ((np.nan, *value[0][1:]),) if isinstance(value[0], tuple) else (np.nan, *value[1:])
+        else:
+            bad = "neither" if isinstance(value, str) else np.nan
+        with pytest.raises(InputError, match=f.name.removesuffix("s")) as caught:
+            Case(**{f.name: bad})
+        assert "\n" not in str(caught.value)
+
+
+def test_what_actuators_do_is_limited_under_one_name(problem: Problem) -> None:
+    found = [c for c in problem.requirements.path_constraints if set(c.units) & {"N", "N m"}]
+    assert [c.id for c in found] in ([], ["effort-limit"])
 
 
 # --- objectives and limits ---

@@ -7,6 +7,7 @@ import pytest
 from pytest import approx
 
 from ocp_traj.curves.families import polynomial_353
+from ocp_traj.problems import m10id
 from ocp_traj.problems import rotor_353 as paper
 from ocp_traj.reproductions.comparison import Comparison, Reproduction, Sheet
 from ocp_traj.reproductions.reproduce import reproduce
@@ -89,7 +90,7 @@ def test_no_limits_make_the_published_times_optimal(found: Reproduction, words: 
 
 
 def test_no_pair_of_limits_explains_the_published_times() -> None:
-    for family in (np.ones(6), np.array(paper.VELOCITY)):
+    for family in (np.ones(6), np.array(m10id.VELOCITY)):
         for sign, least in ((False, 1.5), (True, 0.3)):
             closest, off, _ = closest_phases(sign, family, phases())
             assert off > least

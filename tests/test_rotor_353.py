@@ -17,6 +17,7 @@ from ocp_traj.curves.families import polynomial_353
 from ocp_traj.errors import InputError, ProblemDefinitionError
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import WeightedSum
+from ocp_traj.problems import m10id
 from ocp_traj.problems import rotor_353 as paper
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.trajectory import Trajectory, trajectory_of
@@ -262,12 +263,12 @@ def test_efforts_equal_pinocchios_through_the_pendants_coupling(payload: float) 
 
 def test_one_robot_the_makers_joints_and_table_1_agree() -> None:
     """Table 1 by modified rows, the makers' joints through the coupling, and the arm in closed form: one flange."""
-    rows = Robot.from_dh(paper.arm().rows, (None,) * 6, convention="modified")
+    rows = Robot.from_dh(m10id.arm().rows, (None,) * 6, convention="modified")
     q = ca.SX.sym("q", 6)
     maker = ca.Function("maker", [q], list(paper.robot().tool_pose(q)))
     table = ca.Function("table", [q], list(rows.tool_pose(q)))
     for angles in np.random.default_rng(1).uniform(-pi, pi, (200, 6)):
-        theta = paper.pendant_to_table_1(angles)
+        theta = m10id.pendant_to_table_1(angles)
         assert_allclose(
             np.degrees(theta),
             [1, 1, -1, -1, -1, -1] * np.degrees([angles[0], angles[1] - pi / 2, angles[1] + angles[2], *angles[3:]]),
@@ -296,8 +297,9 @@ def test_position_limits_are_the_makers_on_its_own_joints() -> None:
 def test_table_2_is_degrees_of_the_pendant_and_comes_back() -> None:
     q = paper.via_points(paper.ZhuWang())
     assert_allclose(np.degrees(q), TABLE_2.T, atol=1e-12)
-    assert_allclose(paper.table_1_to_pendant(paper.pendant_to_table_1(q)), q, atol=1e-14)
-    found, branches = paper.inverse_kinematics(*paper.forward_kinematics(q))
+    assert_allclose(m10id.table_1_to_pendant(m10id.pendant_to_table_1(q)), q, atol=1e-14)
+    poses = paper.forward_kinematics(q)
+    found, branches = paper.inverse_kinematics(*poses), m10id.arm().inverse(*poses)
     assert branches.exists.all() and (branches.reasons == "").all()
     assert np.abs(found - q[:, None]).max(axis=-1).min(axis=1).max() < 1e-12
 
@@ -308,7 +310,8 @@ def test_random_pendant_angles_come_back() -> None:
     serial = np.random.default_rng(2).uniform(low, high, (10_000, 6))
     q = serial.copy()
     q[:, 2] -= q[:, 1]
-    found, branches = paper.inverse_kinematics(*paper.forward_kinematics(q))
+    poses = paper.forward_kinematics(q)
+    found, branches = paper.inverse_kinematics(*poses), m10id.arm().inverse(*poses)
     away = np.nanmin(branches.measures, axis=(1, 2)) > 1e-5
     assert away.mean() > 0.999
     gap = np.abs(found - q[:, None]).max(axis=-1)
@@ -333,7 +336,7 @@ def test_corrected_tables_make_a_turn_about_the_vertical_and_a_pure_translation(
 
 def test_as_printed_neither_holds() -> None:
     case = paper.ZhuWang(as_printed=True)
-    assert paper.arm(case).a3 == 1.1 and paper.arm().a3 == 0.195
+    assert m10id.arm(as_printed=True).a3 == 1.1 and m10id.arm().a3 == 0.195
     rotation, position = paper.forward_kinematics(paper.via_points(case), case)
     assert abs(position[1, 2] - position[0, 2]) > 0.1  # [m]
     assert turn_between(rotation[2], rotation[3])[0] > 90.0
@@ -508,7 +511,7 @@ def test_a_jerk_limit_holds_at_the_ends_and_at_both_sides_of_the_vias() -> None:
         ({"max_payload": 0.0}, "max_payload is 0.0 kg"),
         ({"timing": "together"}, "timing is 'together'; allowed are synchronised, per_joint"),
         ({"min_duration": 0.0}, "min_duration is 0.0 s; give a finite number above zero"),
-        ({"min_duration": 2.0, "max_duration": 1.0}, "leave no duration"),
+        ({"min_duration": 2.0, "max_duration": 1.0}, "leave nothing between; give min_duration < max_duration"),
         ({"effort_limits": "maybe"}, "give true or false"),
     ],
 )

@@ -54,10 +54,20 @@ def test_the_wrist_lies_where_the_tip_says_and_never_beyond_its_reach() -> None:
         other = q + np.array([0.0, 0.0, 0.0, 0.3, -0.7, 1.1])  # the wrist's joints do not move its centre
         moved = machine.tip(other)
         assert_allclose(moved.translation + moved.rotation @ kr90.wrist_from_tip(), wrist, atol=1e-12)
-        out = np.array([np.cos(q[0]), -np.sin(q[0])]) @ wrist[:2] - kr90.SHOULDER[0]
-        longest = max(longest, float(np.hypot(out, wrist[2] - 0.6 - kr90.SHOULDER[1])))
+        out = np.array([np.cos(q[0]), -np.sin(q[0])]) @ wrist[:2] - kr90.ARM.a1
+        longest = max(longest, float(np.hypot(out, wrist[2] - 0.6 - kr90.ARM.d1)))
     assert longest <= kr90.REACH + 1e-12
     assert longest == pytest.approx(kr90.REACH, rel=1e-6)
+
+
+def test_inverse_kinematics_finds_random_postures_again() -> None:
+    """500 within the ranges, by pinocchio's pose of the tip; joints 4 and 6 may be whole turns away."""
+    machine, low, high = WeldRobot(riser=0.6), *np.radians(kr90.POSITION)
+    q = np.random.default_rng(2).uniform(low, high, (500, 6))
+    poses = [machine.tip(one).copy() for one in q]
+    found = kr90.inverse_kinematics([p.rotation for p in poses], [p.translation for p in poses], riser=0.6)
+    gap = np.abs(np.angle(np.exp(1j * (found - q[:, None])))).max(axis=2)
+    assert np.nanmin(gap, axis=1).max() < 1e-9
 
 
 def test_gravity_torques_of_the_bare_arm_stay_below_what_its_data_give() -> None:
@@ -109,7 +119,7 @@ def test_the_limits_up_to_snap_rule_a_move_from_rest_to_rest() -> None:
         ({"case": "weld"}, "allowed are seam, air-move"),
         ({"rest_at_tags": True}, "for case air-move"),
         ({"tags": 1}, "give a whole number from 2 to 40"),
-        ({"psi": 0.0}, "psi is 0 deg"),
+        ({"psi": 0.0}, "psi is 0.0 deg; give an angle above 0 and up to 90"),
         ({"weld_speed": 0.0}, "weld_speed is 0.0"),
         ({"home": (0.0, -90.0, 100.0, 0.0, -60.0, 360.0)}, "home has A6 at 360.0 deg"),
         ({"seam_file": "nowhere.csv"}, "cannot read the seam file nowhere.csv: No such file"),

@@ -13,6 +13,7 @@ import casadi
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.errors import ProblemDefinitionError
 
@@ -154,6 +155,12 @@ def quartic_quintic(start: ArrayLike, via: Any, via_velocity: Any, goal: Any, du
 
 
 NONIC = 5  # states (q, v, a, jerk, snap) that two ends of a nonic share: 10 control points
+
+
+def at_rest(q: ArrayLike) -> Array:
+    """The state (q, 0, 0, 0, 0) of a position ``(dof,)``: ``(5, dof)``."""
+    where = np.asarray(q, dtype=float)
+    return np.concatenate([where[None], np.zeros((NONIC - 1, len(where)))])
 
 
 def nonic(states: Sequence[Any], durations: Any) -> PiecewiseBezier:

@@ -6,8 +6,8 @@ allowed; ``convert`` turns what a user or a file gives into the field's type, ``
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import MISSING, Field, field, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields
 from math import isfinite
 from typing import Any
 
@@ -16,7 +16,7 @@ from ocp_traj.errors import InputError, UnknownName, quoted
 
 def number(
     default: float | int, unit: str = "", what: str = "a finite number", *, least: float | None = None,
-    above: float | None = None, most: float | None = None, below: float | None = None,
+    above: float | None = None, most: float | None = None, below: float | None = None, under: str = "",
 ) -> Any:  # fmt: skip
     """A number; whole ones stay whole where the default is one.
 
@@ -28,14 +28,15 @@ def number(
         above: it is larger than this.
         most: it is at most this.
         below: it is smaller than this.
+        under: the field that it is smaller than.
     """
-    bounds = {"least": least, "above": above, "most": most, "below": below}
+    bounds = {"least": least, "above": above, "most": most, "below": below, "under": under}
     return field(default=default, metadata={"kind": "number", "unit": unit, "what": what, **bounds})
 
 
 def numbers(
     default: Sequence[float] = (), unit: str = "", *, size: int | None = None, empty: bool = False, some: bool = False,
-    least: float | None = None, above: float | None = None,
+    least: float | None = None, above: float | None = None, ranges: Mapping[str, tuple[float, float]] | None = None,
 ) -> Any:  # fmt: skip
     """A tuple of numbers, as many as the default unless ``size`` says otherwise.
 
@@ -47,9 +48,10 @@ def numbers(
         some: whether not all may be zero.
         least: each is at least this.
         above: each is larger than this.
+        ranges: ends between which each lies, by its name.
     """
     count = len(default) if size is None else size
-    more = {"size": count, "empty": empty, "some": some, "least": least, "above": above}
+    more = {"size": count, "empty": empty, "some": some, "least": least, "above": above, "ranges": ranges or {}}
     return field(default=tuple(default), metadata={"kind": "numbers", "unit": unit, **more})
 
 
@@ -77,6 +79,15 @@ def convert(owner: str, cls: Any, changes: dict[str, Any]) -> dict[str, Any]:
     return {name: converted(name, value) for name, value in changes.items()}
 
 
+@dataclass(frozen=True)
+class Checked:
+    """Base of a case whose fields are checked when it is made."""
+
+    def __post_init__(self) -> None:
+        """Checks the fields."""
+        check(self)
+
+
 def check(case: Any) -> None:
     """Raises ``InputError`` where a field of a case is not what it may be."""
     for f in fields(case):
@@ -88,16 +99,23 @@ def check(case: Any) -> None:
             raise InputError(f"{f.name} is {value}{unit}; give {f.metadata['what']}{_bounds(f.metadata)}")
         if kind == "numbers":
             _check_numbers(f, value)
+    for f in fields(case):
+        if (upper := f.metadata.get("under")) and not getattr(case, f.name) < getattr(case, upper):
+            given = (f"{name} {getattr(case, name)} {f.metadata['unit']}".strip() for name in (f.name, upper))
+            raise InputError(f"{' and '.join(given)} leave nothing between; give {f.name} < {upper}")
 
 
 def _check_numbers(f: Field[Any], value: Any) -> None:
     allowed = f.metadata
     if not value and allowed["empty"]:
         return
+    unit = f" {allowed['unit']}" if allowed["unit"] else ""
     sound = len(value) == allowed["size"] and all(_within(v, allowed) for v in value)
+    for (name, (low, high)), v in zip(allowed["ranges"].items(), value if sound else (), strict=False):
+        if not low < v < high:
+            raise InputError(f"{f.name} has {name} at {v}{unit}; its range is {low:g} to {high:g}{unit}")
     if sound and (any(value) or not allowed["some"]):
         return
-    unit = f" {allowed['unit']}" if allowed["unit"] else ""
     zero = " and not all zero" if allowed["some"] else ""
     none = ", or none" if allowed["empty"] else ""
     wanted = f"{allowed['size']} finite numbers{_bounds(allowed)}{zero}{none}"
@@ -122,7 +140,8 @@ def _bounds(allowed: Any) -> str:
     if least is not None:
         return f" from {least:g}{end}" if end else ", zero or more" if least == 0 else f", {least:g} or more"
     if above is not None:
-        return f" above {above:g}{end.replace(' to', ' and', 1)}" if end else f" above {above:g}".replace(" 0", " zero")
+        end = f" and up{end}" if most is not None else end.replace(" to", " and", 1)
+        return f" above {above:g}{end}" if end else f" above {above:g}".replace(" 0", " zero")
     return f" up{end}" if end else ""
 
 

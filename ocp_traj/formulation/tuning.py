@@ -6,7 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from ocp_traj.errors import ProblemDefinitionError
+
+
+def chebyshev(count: int, *, ends: bool = False) -> tuple[float, ...]:
+    """Chebyshev's nodes on [0, 1], between which a polynomial held there cannot swing far; or his extremes."""
+    turns = np.pi * np.arange(count) / (count - 1) if ends else np.pi * (np.arange(count) + 0.5) / count
+    return tuple(float(u) for u in (1.0 - np.cos(turns)) / 2.0)
 
 
 @dataclass(frozen=True)

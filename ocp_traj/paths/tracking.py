@@ -9,14 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 
 import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.curves.bernstein import basis, difference_matrix
+from ocp_traj.curves.bernstein import PiecewiseBezier, basis, difference_matrix
 from ocp_traj.curves.families import nonic
 from ocp_traj.paths.pieces import Pieces
+from ocp_traj.paths.seam import Seam
 from ocp_traj.robot.robot import Robot
 
 Array = NDArray[np.float64]
@@ -128,6 +130,32 @@ def fit_path(robot: Robot, pieces: Pieces, start: Sequence[float] | Array, itera
     distance = np.linalg.norm(p - place, axis=1).reshape(-1, SAMPLES)
     angle = np.arccos(np.clip((axis * z).sum(axis=1), -1.0, 1.0)).reshape(-1, SAMPLES)
     return Fit(x.reshape(count, 5, dof), _by_tag(distance), _by_tag(angle))
+
+
+def figures(
+    robot: Robot, seam: Seam, tags: Array, curve: PiecewiseBezier, first: int, samples: int = 100
+) -> list[tuple[str, float, str]]:
+    """How closely a torch keeps to a seam itself, not to its polynomials: (name, value, unit) of each figure.
+
+    Args:
+        robot: whose tool has its torch's axis along z.
+        seam: what is welded.
+        tags: lengths of arc at the ends of its pieces ``(K + 1,)`` [m].
+        curve: of the joints.
+        first: segment of the curve on which the first piece lies; the others follow.
+        samples: a piece.
+    """
+    u, segments = np.linspace(0.0, 1.0, samples), range(first, first + len(tags) - 1)
+    rotation, place = robot.poses(np.concatenate([curve.at(k, u) for k in segments]))
+    wanted = seam.at(np.concatenate([a + (b - a) * u for a, b in pairwise(tags)]))
+    off = np.linalg.norm(place - wanted.position, axis=1)
+    tilt = np.arccos(np.clip((rotation[:, :, 2] * wanted.axis).sum(axis=1), -1.0, 1.0))
+    return [
+        ("tip off the seam, rms", 1e3 * float(np.sqrt((off**2).mean())), "mm"),
+        ("tip off the seam, largest", 1e3 * float(off.max()), "mm"),
+        ("tilt of the torch, largest", float(np.degrees(tilt.max())), "deg"),
+        ("time of the weld", float(np.asarray(curve.durations)[list(segments)].sum()), "s"),
+    ]
 
 
 def _levenberg_marquardt(

@@ -152,7 +152,7 @@ def genetic_costs(sheet: Sheet, runs: list[Run], words: str, convention: str) ->
 
 def payloads(sheet: Sheet, problem: Problem) -> None:
     """The largest payload along Table 7 and for every time law, and what the paper's would need."""
-    convention, printed = problem.case.convention, paper.LARGEST_PAYLOAD
+    convention, printed = problem.case.convention, f"{paper.LARGEST_PAYLOAD:.2f}"
     carried, bound = along(problem, trajectory_of(problem, paper.TABLE_7)), static_bound(problem)
     reached = f"{carried.binding} reaches its limit at t = {carried.instant:.2f} s"
     if convention == LITERAL:

@@ -91,9 +91,7 @@ def knots(h: ArrayLike, order: int = 0) -> Array:
 
 def tool_positions(q: ArrayLike) -> Array:
     """Tool positions ``(N, 3)`` [mm] of joint coordinates ``(N, 5)`` [m, rad]."""
-    joints = casadi.SX.sym("q", 5)
-    function = casadi.Function("tool", [joints], [hybrid_robot.robot().tool_pose(joints)[1]])
-    return np.array(function(np.atleast_2d(np.asarray(q)).T)).T * 1e3
+    return hybrid_robot.robot().poses(q)[1] * 1e3
 
 
 def pseudo_inertias(sheet: Sheet) -> None:

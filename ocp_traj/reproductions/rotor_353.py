@@ -12,10 +12,17 @@ from scipy.optimize import minimize_scalar
 
 from ocp_traj import api, problems
 from ocp_traj.curves.families import polynomial_353
+from ocp_traj.problems import m10id
 from ocp_traj.problems import rotor_353 as paper
 from ocp_traj.progress import Progress
 from ocp_traj.reproductions.comparison import Reproduction, Run, Sheet, rounding_effect
-from ocp_traj.reproductions.rotor_353_errata import MISPRINTS, equation_errata, turn
+from ocp_traj.reproductions.rotor_353_errata import (
+    MISPRINTS,
+    TABLE_1_PRINTED,
+    TABLE_2_PRINTED,
+    equation_errata,
+    turn,
+)
 from ocp_traj.reproductions.rotor_353_limits import closest_phases
 from ocp_traj.reproductions.rotor_353_swarms import swarms
 from ocp_traj.results.solution import Solution
@@ -24,6 +31,7 @@ from ocp_traj.solvers.pso import SCHEDULES
 Array = NDArray[np.float64]
 
 STARTS = 3  # random starts of IPOPT: our choice
+TOTAL = f"{paper.TOTAL:.3f}"  # as printed
 PRINTED = 0.0005  # [deg], half a unit of Table 2's last digit
 SIGNS = {False: "corrected sign", True: "printed sign"}
 TIMINGS = {"synchronised": "all joints together", "per_joint": "every joint alone"}
@@ -73,7 +81,7 @@ def run(seeds: int, progress: Progress) -> Reproduction:
 
 def printed_table_2() -> list[list[str]]:
     """Table 2 as printed, a line a joint."""
-    return [line.split() for line in paper.TABLE_2_PRINTED.strip().splitlines()]
+    return [line.split() for line in TABLE_2_PRINTED.strip().splitlines()]
 
 
 def sign_of_joint_3() -> float:
@@ -92,16 +100,16 @@ def sign_of_joint_3() -> float:
 
 def tables(sheet: Sheet) -> None:
     """Table 1 beside the maker's description of the same arm; Table 2's odd number beside what the poses ask for."""
-    reached = np.cumsum([place for place, *_ in paper.LINKS], axis=0) * 1000.0  # [mm], joints at zero
+    reached = np.cumsum([place for place, *_ in m10id.LINKS], axis=0) * 1000.0  # [mm], joints at zero
     lengths = [
         (0.0, reached[0, 2]),
         (reached[1, 0], 0.0),
         (reached[2, 2] - reached[1, 2], 0.0),
         (reached[3, 2] - reached[2, 2], reached[4, 0] - reached[3, 0]),
         (0.0, 0.0),
-        (0.0, 1000.0 * paper.FLANGE),
+        (0.0, 1000.0 * m10id.FLANGE),
     ]
-    for i, (printed, ours) in enumerate(zip(paper.TABLE_1_PRINTED, lengths, strict=True), 1):
+    for i, (printed, ours) in enumerate(zip(TABLE_1_PRINTED, lengths, strict=True), 1):
         for name, text, value in zip((f"row {i} a", f"row {i} d"), printed, ours, strict=True):
             sheet.add("Table 1", name, text, float(value), "mm", note="maker's description of the arm")
     (item,) = (key[1] for key in MISPRINTS if key[0] == "Table 2")
@@ -148,7 +156,7 @@ def _signed_moves(degrees: ArrayLike, case: paper.ZhuWang) -> Array:
 
 def phases() -> Array:
     """The published t1, t2, t3 [s]."""
-    return np.array([float(text) for text in paper.PHASES])
+    return np.asarray(paper.PHASES)
 
 
 def demands(sign: bool) -> Array:
@@ -163,7 +171,7 @@ def demand_table() -> pd.DataFrame:
     rows = [
         (words, joint, v, v / v_max, a)
         for sign, words in SIGNS.items()
-        for joint, v_max, v, a in zip(paper.JOINTS, paper.VELOCITY, *demands(sign), strict=True)
+        for joint, v_max, v, a in zip(m10id.JOINTS, m10id.VELOCITY, *demands(sign), strict=True)
     ]
     columns = ["variant", "joint", "peak velocity [deg/s]", "of the maker's", "peak acceleration [deg/s2]"]
     return pd.DataFrame(rows, columns=columns)
@@ -173,12 +181,12 @@ def published(sheet: Sheet, runs: list[Run], sign: bool) -> None:
     """The published times: their sum, what they need, and why no limits make them optimal."""
     words, t = SIGNS[sign], phases()
     if not sign:
-        named = {"time [s]": float(paper.TOTAL), **_named(t)}
+        named = {"time [s]": paper.TOTAL, **_named(t)}
         runs.append(Run("paper", "PSO, every joint alone", "", None, named, None, None))
-        sheet.add("Sect. 4", "t1 + t2 + t3", paper.TOTAL, float(t.sum()), "s", slack=3 * 0.0005)
+        sheet.add("Sect. 4", "t1 + t2 + t3", TOTAL, float(t.sum()), "s", slack=3 * 0.0005)
         shorter = 100.0 * (1.0 - t.sum() / (3.0 * paper.GUESS))
         note = f"against the first guess, {paper.GUESS:g} s a phase; not against another method"
-        sheet.add("Sect. 4", "shortened by", paper.SHORTENED, float(shorter), "%", note=note)
+        sheet.add("Sect. 4", "shortened by", f"{paper.SHORTENED:g}", float(shorter), "%", note=note)
     v, a = demands(sign)
     limits = {"velocity": tuple(v), "acceleration": tuple(a)}
     tight = api.solve(problems.load("rotor-353", as_printed=sign, **limits, **FREE), starts=STARTS).require()
@@ -186,18 +194,16 @@ def published(sheet: Sheet, runs: list[Run], sign: bool) -> None:
         "limits of each joint equal to what the published motion needs; wider ones leave less time still, so that no "
         "limits make the published times optimal for all joints together"
     )
-    sheet.add(
-        "Sect. 4", f"least time within what the published times need, {words}", paper.TOTAL, tight.f, "s", note=note
-    )
+    sheet.add("Sect. 4", f"least time within what the published times need, {words}", TOTAL, tight.f, "s", note=note)
     for family, speeds in (
         ("one limit for all joints", np.ones(6)),
-        ("shares of the maker's", np.array(paper.VELOCITY)),
+        ("shares of the maker's", np.array(m10id.VELOCITY)),
     ):
         closest, off, ratio = closest_phases(sign, speeds, t)
         for name, text, value in zip(("t1", "t2", "t3"), paper.PHASES, closest, strict=True):
             note = f"a_max {ratio:.3g} v_max per second: of all pairs the closest, a phase {off:.0%} off"
             item = f"{name}, every joint alone, {family}, {words}"
-            sheet.add("Sect. 4", item, text, float(value), "s", note=note)
+            sheet.add("Sect. 4", item, f"{text:.3f}", float(value), "s", note=note)
 
 
 def _named(t: Array) -> dict[str, float]:
@@ -216,10 +222,10 @@ def optimum(sheet: Sheet, runs: list[Run], sign: bool, timing: str) -> Solution:
         note += f"; certified: nothing below {np.floor(1e6 * found.certificate.lower) / 1e6:.6f} s"
     if not found.audit.proved:
         note += f"; {found.audit.explain()}"
-    sheet.add("Sect. 4", f"time, {TIMINGS[timing]}, {words}", paper.TOTAL, float(found.x.sum()), "s", note=note)
+    sheet.add("Sect. 4", f"time, {TIMINGS[timing]}, {words}", TOTAL, float(found.x.sum()), "s", note=note)
     extrema = [found.trajectory.curve.extrema(order) for order in (1, 2)]
     v, a = (np.degrees([max(-e.lower, e.upper) for e in of]) for of in extrema)
-    shares = {"v / v_max [-]": (v / paper.VELOCITY).max(), "a / a_max [-]": (a / paper.ACCELERATION).max()}
+    shares = {"v / v_max [-]": (v / m10id.VELOCITY).max(), "a / a_max [-]": (a / paper.ACCELERATION).max()}
     named = {"time [s]": float(found.x.sum()), **_named(found.x), **{k: float(x) for k, x in shares.items()}}
     method = f"exchange, IPOPT, {STARTS} starts, {TIMINGS[timing]}"
     runs.append(Run("ours", method, words, 0, named, found.seconds, found.iterations, found.audit.verdict))

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from ocp_traj.problems import m10id
 from ocp_traj.problems import rotor_353 as paper
 from ocp_traj.reproductions.comparison import Erratum
 
@@ -16,6 +17,17 @@ MISPRINTS = {
     ("Table 1", "row 4 a"): ("195", "the maker's description; the printed one repeats d_4"),
     ("Table 2", "joint 3 X2"): ("-63.179", "with it, and only with it, the move from X2 to X3 is a pure translation"),
 }
+
+# As printed: Table 1 [mm], rows i of a_{i-1} and d_i; Table 2 [deg], printed rad, X_0 .. X_3 a joint.
+TABLE_1_PRINTED = (("0", "450"), ("75", "0"), ("840", "0"), ("1100", "1100"), ("0", "0"), ("0", "75"))
+TABLE_2_PRINTED = """
+-23.496 -20.128  -7.361  -8.055
+ 73.451  80.381  68.721  61.474
+-62.949 -55.208  63.179 -68.520
+ 77.747  78.321 -35.605 -29.593
+ 41.879  35.783  27.940  32.293
+ -2.099 -12.636  53.129  46.917
+"""
 
 
 def turn(one: ArrayLike, two: ArrayLike) -> tuple[float, Array]:
@@ -35,9 +47,9 @@ def equation_errata(excess: float) -> tuple[Erratum, ...]:
     vector = "0 0 0 0 0 0 0 x3 0 0 x0 0 0 x2 x1".split()
     weights = [0.5 * np.cos(share) ** 2 for share in (0.0, 0.6)]
     repaired = [0.4 + 0.5 * np.cos(np.pi * share / 2.0) ** 2 for share in (0.0, 0.6)]
-    largest = np.abs(np.array([line.split() for line in paper.TABLE_2_PRINTED.strip().splitlines()], float)).max()
+    largest = np.abs(np.array([line.split() for line in TABLE_2_PRINTED.strip().splitlines()], float)).max()
     case = paper.ZhuWang()
-    wrong_turn = turn(*paper.forward_kinematics(paper.table_1_to_pendant(paper.via_points(case)))[0][2:])[0]
+    wrong_turn = turn(*paper.forward_kinematics(m10id.table_1_to_pendant(paper.via_points(case)))[0][2:])[0]
     return (
         Erratum(
             "Table 2, caption", "rad", "deg",
@@ -92,7 +104,7 @@ def inverse_as_printed() -> tuple[float, float, float]:
         theta_1 [deg], and the wrist in the arm's plane [mm]: as Table 1 counts theta_2 and theta_3, and both reversed.
     """
     q = paper.via_points(paper.ZhuWang())
-    theta, arm = paper.pendant_to_table_1(q), paper.arm()
+    theta, arm = m10id.pendant_to_table_1(q), m10id.arm()
     rotation, position = paper.forward_kinematics(q)
     angle = np.degrees(np.arctan2(position[:, 1], position[:, 0]) - theta[:, 0])
     wrist = position - arm.d6 * rotation[:, :, 2]

@@ -34,6 +34,7 @@ from ocp_traj.robot.urdf import urdf_root, urdf_text
 
 Array = npt.NDArray[np.float64]
 EFFORT_UNITS = {"m": "N", "rad": "N m"}
+REACHED = 1e-6  # [m], and of a rotation's entries: how far a pose may be missed; our choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +132,21 @@ class Robot:
         """Rotation ``(3, 3)`` and position ``(3,)`` [m] of the tool frame in the world at q ``(n,)``."""
         zero = SX.zeros(self.size)
         return forward_kinematics(self.model, self._serial(q, zero, zero)[0], self.tool_joint, self.tool)
+
+    def poses(self, q: npt.ArrayLike) -> tuple[Array, Array]:
+        """Rotations ``(N, 3, 3)`` and positions ``(N, 3)`` [m] of the tool frame at coordinates ``(N, n)``."""
+        angles, symbol = np.asarray(q, dtype=float).reshape(-1, self.size), SX.sym("q", self.size)
+        function = ca.Function("pose", [symbol], [ca.densify(part) for part in self.tool_pose(symbol)])
+        rotation, position = (np.array(part) for part in function.map(len(angles))(angles.T))
+        return rotation.reshape(3, -1, 3).swapaxes(0, 1), position.T
+
+    def reaching(self, q: Array, rotation: npt.ArrayLike, position: npt.ArrayLike) -> Array:
+        """Coordinates ``(N, B, n)``, NaN where one does not put the tool frame at its pose, to ``REACHED``."""
+        turned, place = self.poses(q)
+        wanted = np.reshape(rotation, (-1, 1, 3, 3)), np.reshape(position, (-1, 1, 3))
+        off = np.abs(turned.reshape(*q.shape[:2], 3, 3) - wanted[0]).max(axis=(2, 3))
+        far = np.abs(place.reshape(*q.shape[:2], 3) - wanted[1]).max(axis=2)
+        return np.where((np.maximum(off, far) <= REACHED)[..., None], q, np.nan)
 
     def _serial(self, q: SX, v: SX, a: SX) -> tuple[SX, SX, SX, SX]:
         """(s, J v, J a + dJ/dt v, J)."""

@@ -195,6 +195,30 @@ def wrapped(angles: ArrayLike) -> Array:
     return np.asarray(np.where(inside, given, pi - np.mod(pi - given, 2.0 * pi)))
 
 
+@dataclass(frozen=True, eq=False)
+class JointAngles:
+    """How a maker counts the joints of an arm: theta = signs q + offsets.
+
+    Attributes:
+        signs: ``(6,)``, 1 or -1.
+        offsets: ``(6,)`` [rad].
+        ranges: lower and upper ends of the joints' ranges ``(2, 6)`` [rad].
+    """
+
+    signs: Array
+    offsets: Array
+    ranges: Array
+
+    def theta(self, q: ArrayLike) -> Array:
+        """Angles of the arm's table from the joints', ``(.., 6)`` [rad]."""
+        return np.asarray(self.signs * np.asarray(q, dtype=float) + self.offsets)
+
+    def joints(self, theta: ArrayLike) -> Array:
+        """The joints' angles ``(.., 6)`` [rad] from the table's, each within half a turn of the middle of its range."""
+        middle = self.ranges.mean(axis=0)
+        return np.asarray(middle + wrapped(self.signs * (np.asarray(theta, dtype=float) - self.offsets) - middle))
+
+
 def _row_rotation(theta: Array, alpha: float) -> Array:
     """Rotation part of (1), ``(N, 3, 3)``."""
     c, s, ca, sa = np.cos(theta), np.sin(theta), round(np.cos(alpha)), round(np.sin(alpha))
