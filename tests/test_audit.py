@@ -40,7 +40,7 @@ from ocp_traj.formulation.requirements import (
 from ocp_traj.interval.tape import Tape
 from ocp_traj.proof import prover as prover_module
 from ocp_traj.proof.audit import audit, audit_all
-from ocp_traj.proof.prover import curvature_function, domain_function
+from ocp_traj.proof.limit_tapes import curvature_function, domain_function
 from ocp_traj.proof.values import limit_on
 from ocp_traj.proof.verdicts import ALLOWANCE, CHECKED, PROVED, UNDECIDED, VIOLATED, Audit, AuditRow
 from ocp_traj.results.trajectory import Trajectory
