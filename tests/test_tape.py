@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ocp_traj.errors import InputError, KinkedExpression, UnsupportedOperation
-from ocp_traj.interval.intervals import INTERVAL, _apply
-from ocp_traj.interval.tape import _FLOAT, _NAMES, Tape
+from ocp_traj.interval.intervals import INTERVAL, apply
+from ocp_traj.interval.tape import FLOAT, NAMES, Tape
 
 Array = NDArray[Any]
 SX = casadi.SX
@@ -212,7 +212,7 @@ def test_floats_equal_casadi_on_every_operation() -> None:
     x, y = SX.sym("x"), SX.sym("y")
     function = casadi.Function("zoo", [x, y], [_every_operation(x, y), x + y])
     used = {function.instruction_id(k) for k in range(function.n_instructions())}
-    assert {_NAMES[operation] for operation in set(_FLOAT) - used} == {"OP_ASSIGN"}, "an operation goes untested"
+    assert {NAMES[operation] for operation in set(FLOAT) - used} == {"OP_ASSIGN"}, "an operation goes untested"
     points = rng.uniform(0.1, 0.9, (2, 300))
     rows, total = Tape(function).evaluate(points[:1], points[1:])
     expected = function.map(300)(points[:1], points[1:])
@@ -295,7 +295,7 @@ def test_results_and_inputs_are_not_shared() -> None:
 def test_every_interval_operation_is_tested() -> None:
     functions = [_case_function(name) for name in CASES]
     used = {function.instruction_id(k) for function in functions for k in range(function.n_instructions())}
-    assert {_NAMES[operation] for operation in set(INTERVAL) - used} == {"OP_ASSIGN"}
+    assert {NAMES[operation] for operation in set(INTERVAL) - used} == {"OP_ASSIGN"}
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -500,7 +500,7 @@ def test_flag_raised_without_cause_does_no_harm() -> None:
         return 2.0 * x
 
     with np.errstate(invalid="raise"):
-        assert _apply(double, np.ones(3)).tolist() == [2.0, 2.0, 2.0]
+        assert apply(double, np.ones(3)).tolist() == [2.0, 2.0, 2.0]
 
 
 def test_an_end_that_is_nan_is_infinite() -> None:
