@@ -86,9 +86,10 @@ def _corners(function: Operation, margin: Margin) -> Operation:
 
 
 def apply(function: Operation, *operands: Array) -> Array:
+    """What a NumPy function gives, whose flag of an invalid operation may be raised without a cause."""
     try:
         result: Array = function(*operands)
-    except FloatingPointError:  # vectorised code may raise the flag without a cause
+    except FloatingPointError:  # on lanes that vectorised code does not use
         with np.errstate(invalid="ignore"):
             result = function(*operands)
     return result
