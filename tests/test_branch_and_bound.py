@@ -97,9 +97,9 @@ def test_bounds_of_boxes_are_below_every_time_in_them(seed: int) -> None:
     best = BranchAndBound().solve(problem, TIME, np.ones(3))
     search = Search(problem, best, 1e3, 1e3)
     rng = np.random.default_rng(seed)
-    middle, width = np.exp(rng.normal(size=(60, 2))), np.exp(rng.uniform(-7.0, 0.5, (60, 1)))
+    middle, width = np.exp(rng.normal(size=(24, 2))), np.exp(rng.uniform(-7.0, 0.5, (24, 1)))
     low, high = middle / (1.0 + width), middle * (1.0 + width)
-    bounds = search.bound(low, high, np.zeros(60))
+    bounds = search.bound(low, high, np.zeros(24))
     assert (bounds > 0.0).all()
     for a, b, bound in zip(low, high, bounds, strict=True):
         for z in rng.uniform(a, b, (20, 2)):

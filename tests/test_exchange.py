@@ -149,6 +149,7 @@ def test_least_time_is_proved_in_few_rounds_with_few_rows(fastest: Solution) -> 
     assert fastest.f == pytest.approx(fastest.x.sum(), rel=1e-14)
 
 
+@pytest.mark.slow
 def test_ten_instants_an_interval_are_more_rows_and_still_broken_between(hybrid: Problem, fastest: Solution) -> None:
     nlp = transcribe(hybrid, TIME, uniform_instants(hybrid, 10))
     gridded = Ipopt().solve(nlp, fastest.x).require()

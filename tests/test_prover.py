@@ -197,6 +197,7 @@ def test_a_peak_at_its_limit_is_proved_with_the_allowance_and_undecided_without(
     assert audit_of(*arch).verdict == PROVED
     row = audit_of(*arch, allowance=0.0)
     assert row.verdict == UNDECIDED and row.boxes <= 400
+    assert audit_of(lambda s: s.q[0], -INF, 0.7, [0.7, 0.7], order=0, allowance=0.0).verdict == PROVED  # no rounding
     row = audit_of(lambda s: s.q[0] + s.p[0], -INF, 0.1 + 0.2, [0.1, 0.1], p=[0.2], allowance=0.0)
     assert row.verdict == UNDECIDED and row.boxes <= 64
 
