@@ -360,9 +360,10 @@ class Requirements:
         columns = [[motion.parameters[name] for motion in motions] for name in self.parameters]
         return np.array(columns, dtype=float).reshape(len(self.parameters), len(motions))
 
-    def order(self, limit: PathConstraint) -> int:
-        """Highest time derivative the limit depends on."""
-        return derivative_order(self.function(limit), self.dof)
+    def order(self, limit: PathConstraint | PointConstraint) -> int:
+        """Highest time derivative the limit depends on; see ``derivative_order``."""
+        order: int = self.compiled(limit, "order", lambda: derivative_order(self.function(limit), self.dof))
+        return order
 
     def continuous(self, limit: PathConstraint) -> bool:
         """Whether the limit has the same value on both sides of an inner knot."""

@@ -18,7 +18,7 @@ from ocp_traj.blas import one_blas_thread
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.motion import Motion
 from ocp_traj.errors import MOST_NAMES, InputError, quoted
-from ocp_traj.formulation.requirements import ORDERS, PointConstraint, Requirements, derivative_order
+from ocp_traj.formulation.requirements import ORDERS, PointConstraint, Requirements
 from ocp_traj.proof.prover import Prover
 from ocp_traj.proof.swept import SweptProver
 from ocp_traj.proof.values import values_at
@@ -140,14 +140,11 @@ def _check_points(
     trajectories: Sequence[Motion], requirements: Requirements, point: PointConstraint
 ) -> list[list[AuditRow]]:
     """The rows of a point constraint, per trajectory."""
-    highest = requirements.compiled(
-        point, "order", lambda: derivative_order(requirements.function(point), requirements.dof)
-    )
     state = np.zeros((len(ORDERS), requirements.dof, len(trajectories), len(point.at)))
     for i, trajectory in enumerate(trajectories):
         for j, (segment, u) in enumerate(point.at):
             k = _segment(trajectory.curve, segment, point.id)
-            for order in range(highest + 1):
+            for order in range(requirements.order(point) + 1):
                 state[order, :, i, j] = trajectory.curve.at(k, u, order)[0]
     columns = state.reshape(len(ORDERS) * requirements.dof, -1)
     segments, local = (np.tile(part, len(trajectories)) for part in zip(*point.at, strict=True))

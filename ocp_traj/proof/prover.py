@@ -52,7 +52,7 @@ class Prover:
         if order is None:
             self.tapes = LimitTapes(trajectories, requirements, limit)
         else:
-            requirements.compiled(limit, "order", lambda: _require_derivative(requirements, limit, order))
+            requirements.compiled(limit, "is derivative", lambda: _require_derivative(requirements, limit, order))
 
     def run(self) -> list[list[AuditRow]]:
         """One row a row of the limit, for each trajectory."""
