@@ -352,7 +352,7 @@ class Requirements:
             s: place along the sweep ``(N,)``, of a swept limit.
         """
         table = getattr(limit, "constants", None)
-        c = np.zeros((0, 1)) if table is None else table[segment].T
+        c = np.zeros((0, 1)) if table is None else np.take(table.T, segment, axis=1)
         return states, u[None] if s is None else np.stack([u, s]), p, c
 
     def parameters_of(self, motions: Sequence[Motion]) -> Array:
