@@ -124,6 +124,7 @@ def test_durations_and_parameters_are_rows_that_are_checked() -> None:
 
     assert verdicts([9.0, 0.5, 2.0], 0.0) == [CHECKED] * 3
     assert verdicts([9.0, 0.5 * (1.0 + 1e-10), 2.0], 1e9) == [CHECKED] * 3
+    assert verdicts([9.0, 0.5 * (1.0 + 1.5e-9), 2.0], 0.0) == [VIOLATED, CHECKED, CHECKED]  # 1e-9 of it is allowed
     assert verdicts([9.0, 0.50001, 2.1], -1e-9) == [VIOLATED] * 3
     assert verdicts([9.0, 0.5, 2.0], math.nan) == [CHECKED, CHECKED, VIOLATED]
     with pytest.raises(InputError, match="on segment 1; the trajectory has segments 0 to 0"):
