@@ -17,7 +17,7 @@ from ocp_traj.evolution.population import Population
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.io.plot import plot_convergence
-from ocp_traj.solvers.ga import GA
+from ocp_traj.solvers.ga import GA, fittest
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.pso import PSO, SCHEDULES, as_printed, constriction, linear, repaired
 from ocp_traj.transcription.nlp import Status
@@ -129,6 +129,12 @@ def test_a_weighted_sum_is_refused(rotor: Problem) -> None:
 
 
 # --- how limits are handled ---
+
+
+def test_a_tournament_is_won_by_the_feasible_and_among_those_by_the_fitter() -> None:
+    known = {"F": np.array([[1.0], [3.0], [2.0], [0.5]]), "CV": np.array([[0.2], [0.0], [0.0], [0.1]])}
+    groups = np.array([[0, 1, 2], [0, 1, 1], [0, 3, 0]])
+    assert fittest(known, groups).ravel().tolist() == [2, 1, 3]
 
 
 @pytest.mark.parametrize("handling", HANDLING)
