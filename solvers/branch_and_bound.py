@@ -134,7 +134,7 @@ class BranchAndBound:
             )
         begun = time.perf_counter()
         upper = float(np.sum(solution.x)) * (1.0 + problem.size * 2.0**-52)
-        search = _Search(problem, solution, upper, upper * (1.0 - 0.9 * self.tolerance))
+        search = Search(problem, solution, upper, upper * (1.0 - 0.9 * self.tolerance))
         with stopping(self.max_seconds) as stop:
             while search.open and search.boxes < self.max_boxes and not stop.due:
                 search.step()
@@ -298,7 +298,7 @@ class _Others:
         return _peaks(excess, self.count, y.shape[1])
 
 
-class _Search:
+class Search:
     """Open boxes of ratios, and what is known of those that are closed."""
 
     def __init__(self, problem: Problem, solution: Solution, upper: float, threshold: float) -> None:
@@ -425,10 +425,10 @@ class _Search:
             rest = np.nonzero(best < self.threshold)[0]
             if len(rest):
                 part = (low[rest].T, high[rest].T)
-                best[rest] = self._with_others(part, centre[:, rest], u[:, rest], best[rest])
+                best[rest] = self.with_others(part, centre[:, rest], u[:, rest], best[rest])
         return best
 
-    def _with_others(self, box: Pair, centre: Array, u: Array, best: Array) -> Array:
+    def with_others(self, box: Pair, centre: Array, u: Array, best: Array) -> Array:
         """Better bounds by the rows that do not scale, and by the Lagrangian."""
         others, end = self.others, np.full(len(best), self.threshold)
         instants = np.zeros((0, len(best)))

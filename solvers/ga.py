@@ -40,7 +40,7 @@ class _Anywhere(Mutation):  # type: ignore[misc]  # pymoo is untyped
         return np.where(random_state.random(x.shape) < self.rate, fresh, x)
 
 
-def _fittest(pop: Any, groups: Any, *args: Any, **kwargs: Any) -> Any:
+def fittest(pop: Any, groups: Any, *args: Any, **kwargs: Any) -> Any:
     """Winners of tournaments of any size: the feasible first, then the fitter."""
     violation = pop.get("CV")[:, 0]
     fitness = pop.get("F")[:, 0]
@@ -94,7 +94,7 @@ class GA:
         algorithm = PymooGA(
             pop_size=self.population,
             sampling=np.array([problem.guess(rng) for _ in range(self.population)]),
-            selection=TournamentSelection(pressure=self.tournament, func_comp=_fittest),
+            selection=TournamentSelection(pressure=self.tournament, func_comp=fittest),
             crossover=SinglePointCrossover(prob=self.crossover),
             mutation=_Anywhere(self.mutation),
         )

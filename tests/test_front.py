@@ -17,6 +17,7 @@ from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.formulation.requirements import PathConstraint, Requirements
 from ocp_traj.results.front import Front
+from ocp_traj.results.indicators import knee
 
 
 @dataclass(frozen=True)
@@ -283,6 +284,12 @@ def test_the_knee_takes_the_sense_of_each_objective() -> None:
 def test_the_knee_in_three_objectives_bulges_from_the_plane() -> None:
     front = front_of([*np.eye(3), (0.2, 0.2, 0.2), (0.3, 0.3, 0.1)])
     assert front.values[front.knee()].tolist() == [0.2, 0.2, 0.2]
+
+
+def test_extreme_points_whose_plane_leans_away_from_the_ideal_have_no_knee() -> None:
+    """The plane through the first three is (-2 x + 5 y + 5 z) / 3 = 1: more of x would be a merit."""
+    points = [[0.0, 0.3, 0.3], [1.0, 0.0, 1.0], [1.0, 1.0, 0.0], [0.5, 0.2, 0.25]]
+    assert knee(np.array(points)) == 0  # the closest to the ideal, not the last
 
 
 def test_without_a_bulge_the_knee_is_the_point_closest_to_the_ideal() -> None:

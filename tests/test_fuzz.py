@@ -7,9 +7,9 @@ from tests import fuzz
 
 
 def test_what_is_proved_of_mutated_files_holds_and_nothing_ends_in_a_traceback() -> None:
-    found = fuzz.main(60, 2, heavy=False)
+    found = fuzz.main(30, 2, heavy=False)
     assert not found.faults
-    assert found.audited >= 20 and found.outcomes[fuzz.PROVED] >= 8 and found.outcomes[fuzz.REFUSED] >= 8
+    assert found.audited >= 10 and found.outcomes[fuzz.PROVED] >= 4 and found.outcomes[fuzz.REFUSED] >= 4
 
 
 def test_proofs_that_are_false_are_found(monkeypatch: pytest.MonkeyPatch) -> None:

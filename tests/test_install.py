@@ -105,9 +105,19 @@ def test_one_top_level_name_is_claimed(install: Install) -> None:
     assert claimed.split() == ["ocp_traj"]
 
 
-def test_types_and_every_module_are_shipped(install: Install) -> None:
-    packages = install.packages("elsewhere")
-    assert (packages[0] / "py.typed").is_file()
-    for name, package in zip(PACKAGES, packages, strict=True):
-        shipped = {path.relative_to(package) for path in package.glob("*.py")}
-        assert shipped == {path.relative_to(install.root / name) for path in (install.root / name).glob("*.py")}
+def test_types_and_every_module_of_every_room_are_shipped(install: Install) -> None:
+    """Each is importable as the name its place in the checkout gives it, and comes from where it was installed to."""
+    assert (install.packages("elsewhere")[0] / "py.typed").is_file()
+    modules = {}
+    for name, package in zip(PACKAGES, install.packages("elsewhere"), strict=True):
+        for path in (install.root / name).rglob("*.py"):
+            relative = path.relative_to(install.root / name)
+            parts = [part for part in relative.with_suffix("").parts if part != "__init__"]
+            modules[".".join(["ocp_traj", *([] if name == "ocp_traj" else [name]), *parts])] = package / relative
+    listing = f"from importlib.util import find_spec; [print(m, find_spec(m).origin) for m in {list(modules)}]"
+    found = install.run([install.python, "-c", listing], cwd=install.elsewhere).splitlines()
+    assert {name: Path(file) for name, file in (line.split() for line in found)} == modules
+    assert {name.split(".")[1] for name in modules if name.count(".") > 1} >= {"curves", "proof", "problems", "solvers"}
+    if install.kind == "plain":
+        shipped = {path for path in install.packages("elsewhere")[0].rglob("*.py")}
+        assert shipped == set(modules.values())

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from ocp_traj.errors import InputError, NoSolutionFound, UnknownName
-from ocp_traj.evolution.evolution import WORST, PymooProblem, _gains
+from ocp_traj.evolution.evolution import WORST, PymooProblem, gains_on
 from ocp_traj.evolution.population import Population
 from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.solvers.mopso import MOPSO
@@ -157,7 +157,7 @@ def test_a_population_that_does_not_move_says_so(method: Any) -> None:
     ],
 )
 def test_a_front_gains_on_another_by_a_point_none_of_it_is_as_good_as(values: Any, on: Any, gains: bool) -> None:
-    assert _gains(np.array(values), np.array(on)) is gains
+    assert gains_on(np.array(values), np.array(on)) is gains
 
 
 @pytest.mark.parametrize(("population", "generations"), [(3, 10), (10, 0)])

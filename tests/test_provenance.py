@@ -275,3 +275,9 @@ def test_the_payload_along_a_trajectory_is_written_into_all_its_parts(hybrid: Pr
     again = Trajectory.from_dict(json.loads(json.dumps(carried.to_dict())))
     assert again.case["payload"] == again.parameters["payload"] > 10.0
     assert again.audit().proved and again.audit().parameters == dict(again.parameters)
+
+
+def test_a_parameter_that_is_no_number_agrees_with_nothing(fastest: Solution) -> None:
+    assert fastest.trajectory is not None
+    with pytest.raises(InputError, match="parameter payload, nan against 10,"):
+        replace(fastest.trajectory, parameters={"payload": np.nan}).audit()

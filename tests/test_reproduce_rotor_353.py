@@ -89,6 +89,7 @@ def test_no_limits_make_the_published_times_optimal(found: Reproduction, words: 
     assert one.ours == approx(least, abs=2e-7) and one.ours < 2.647 and one.verdict == "differs"
 
 
+@pytest.mark.slow
 def test_no_pair_of_limits_explains_the_published_times() -> None:
     for family in (np.ones(6), np.array(m10id.VELOCITY)):
         for sign, least in ((False, 1.5), (True, 0.3)):

@@ -17,9 +17,9 @@ from ocp_traj.evolution.population import Population
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.io.plot import plot_convergence
-from ocp_traj.solvers.ga import GA
+from ocp_traj.solvers.ga import GA, fittest
 from ocp_traj.solvers.mopso import MOPSO
-from ocp_traj.solvers.pso import CONSTRICTION, PSO, SCHEDULES, as_printed, constriction, linear, repaired
+from ocp_traj.solvers.pso import PSO, SCHEDULES, as_printed, constriction, linear, repaired
 from ocp_traj.transcription.nlp import Status
 from tests.closed_form import Quintic, quintic_problem
 
@@ -40,18 +40,30 @@ def rotor() -> Problem:
 # --- schedules ---
 
 
-def test_schedules_are_the_paper_s_formulas() -> None:
-    assert as_printed(0.0, 0.5)[0] == 0.5 and repaired(0.0, 0.5)[0] == 0.9 and linear(0.0, 0.5)[0] == 0.9
-    assert as_printed(0.6, 0.0)[0] == pytest.approx(0.5 * np.cos(0.6) ** 2)
-    assert repaired(0.6, 0.0)[0] == pytest.approx(0.4 + 0.5 * np.cos(0.3 * np.pi) ** 2)
-    assert linear(1.0, 0.0)[0] == pytest.approx(0.4)
+def test_inertia_runs_between_the_paper_s_ends_and_only_as_printed_below_them() -> None:
+    """w_max = 0.9 and w_min = 0.4 (sect. 4); after 0.6 of the iterations 0.2 to 0.3, at random."""
+    shares = np.linspace(0.0, 0.6, 61)
+    inertias = {f: np.array([f(t, 0.5)[0] for t in shares]) for f in (as_printed, repaired, linear)}
+    assert all((np.diff(inertia) < 0.0).all() for inertia in inertias.values())
+    assert [inertia[0] for inertia in inertias.values()] == [0.5, 0.9, 0.9]
+    assert inertias[as_printed][-1] == pytest.approx(0.3406, abs=5e-5)  # 0.5 cos^2(0.6)
+    assert inertias[repaired][50] == pytest.approx(0.65)  # the middle: cos^2(pi / 4) is a half
+    assert linear(0.5, 0.5)[0] == pytest.approx(0.65) and linear(1.0, 0.5)[0] == pytest.approx(0.4)
     for schedule in (as_printed, repaired):
-        assert schedule(0.61, 0.25)[0] == pytest.approx(0.225)
+        assert [schedule(0.61, r)[0] for r in (0.0, 0.25, 1.0)] == pytest.approx([0.2, 0.225, 0.3])
+
+
+def test_a_swarm_learns_from_itself_at_first_and_from_the_others_in_the_end() -> None:
+    for schedule in (as_printed, repaired):
         assert schedule(0.0, 0.0)[1:] == (2.0, 0.0)
+        assert schedule(0.75, 0.0)[1:] == pytest.approx((1.0, 2.0))
         assert schedule(1.0, 0.0)[1:] == pytest.approx((0.5, 1.5))
-    assert constriction(0.3, 0.0) == constriction(0.9, 1.0)
-    phi = 4.1  # Clerc and Kennedy's chi solves chi^2 - (2 - phi) chi + 1 = 0 for 2 / |..| form: check it is contracting
-    assert CONSTRICTION == pytest.approx(2.0 / abs(2.0 - phi - np.sqrt(phi**2 - 4.0 * phi)))
+    assert linear(0.3, 0.0)[1:] == (2.0, 2.0)
+
+
+def test_constriction_is_clerc_and_kennedy_s() -> None:
+    """chi = 0.7298 for phi = 4.1, of which each learning factor gets half: 1.4962."""
+    assert constriction(0.3, 0.0) == constriction(0.9, 1.0) == pytest.approx((0.7298, 1.4962, 1.4962), abs=5e-5)
 
 
 # --- one objective ---
@@ -117,6 +129,12 @@ def test_a_weighted_sum_is_refused(rotor: Problem) -> None:
 
 
 # --- how limits are handled ---
+
+
+def test_a_tournament_is_won_by_the_feasible_and_among_those_by_the_fitter() -> None:
+    known = {"F": np.array([[1.0], [3.0], [2.0], [0.5]]), "CV": np.array([[0.2], [0.0], [0.0], [0.1]])}
+    groups = np.array([[0, 1, 2], [0, 1, 1], [0, 3, 0]])
+    assert fittest(known, groups).ravel().tolist() == [2, 1, 3]
 
 
 @pytest.mark.parametrize("handling", HANDLING)

@@ -92,6 +92,20 @@ def test_no_scan_contradicts_an_audit(name: str, seed: int) -> None:
             assert row.verdict == PROVED
 
 
+def test_no_tightness_is_asked_for_that_rounding_cannot_give() -> None:
+    motion = random_motion(np.random.default_rng(0))
+    row = audit(motion, swept(EXPRESSIONS["product"], 100.0), tightness=0.0).rows[0]
+    assert row.verdict == PROVED and row.boxes < 2000
+
+
+@pytest.mark.parametrize("sweep", [True, False])
+def test_a_row_without_bounds_has_no_row_in_the_audit(sweep: bool) -> None:
+    none, some = np.array([-np.inf, -9.0]), np.array([np.inf, 9.0])
+    limit = PathConstraint("limit", lambda s: s.q[:2] * s.u, none, some, ("-",) * 2, ("free", "kept"), sweep=sweep)
+    motion = random_motion(np.random.default_rng(0))
+    assert [row.label for row in audit(motion, Requirements(JOINTS, ("rad", "rad"), (limit,))).rows] == ["kept"]
+
+
 def test_maxima_inside_on_edges_and_at_corners_are_enclosed_tightly() -> None:
     """q runs from 0 to 1 linearly: maxima are known."""
     motion = moved(np.array([[[0.0, 0.0], [1.0, 1.0]]]), np.array([2.0]))

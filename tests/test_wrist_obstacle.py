@@ -226,8 +226,8 @@ def test_clearance_is_the_angle_by_which_an_obstacle_may_grow(wrist: Problem) ->
         x = random_x(wrist, seed)
         found = least_clearance(trajectory_of(wrist, x).curve, directions, paper.obstacles(wrist.case))
         radius = size * np.sin(asin((0.4 + LINK) / size) + found)
-        if 0.0 < radius < size:
-            assert least_distance(polynomials(wrist, x), (0.5, 0.5, 0.0, radius - LINK)) == approx(0.0, abs=1e-5)
+        assert 0.0 < radius < size
+        assert least_distance(polynomials(wrist, x), (0.5, 0.5, 0.0, radius - LINK)) == approx(0.0, abs=1e-5)
 
 
 def test_efforts_are_pinocchios() -> None:

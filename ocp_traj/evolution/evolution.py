@@ -216,10 +216,10 @@ def evolve(
     else:
         best = champion[None] if champion is not None else np.empty((0, target.problem_size))
     history = pd.DataFrame(rows, columns=["evaluations", "best", "violation"]).rename_axis("generation")
-    return Evolution(best, history, time.perf_counter() - begun, interrupted, _gains(feasible(), begun_with))
+    return Evolution(best, history, time.perf_counter() - begun, interrupted, gains_on(feasible(), begun_with))
 
 
-def _gains(values: Array, on: Array) -> bool:
+def gains_on(values: Array, on: Array) -> bool:
     """Whether one of some values ``(M, objectives)`` is better than each of others ``(N, objectives)`` in something."""
     better = np.any(values[:, None] < on - SAME * np.abs(on), axis=2)  # (M, N)
     return bool(np.any(np.all(better, axis=1)))

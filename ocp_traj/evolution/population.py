@@ -17,6 +17,7 @@ from ocp_traj.errors import InputError
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS, SWEEP, PathConstraint
 from ocp_traj.interval.tape import Tape
+from ocp_traj.proof.values import values_at
 from ocp_traj.transcription.symbolic import (
     curve_function,
     integrand_function,
@@ -67,6 +68,12 @@ class _Nodes:
                 out[order][:, places] = values.swapaxes(0, 1)
         return out
 
+    def together(self, states: Array, parameters: Array) -> tuple[Array, NDArray[np.intp], Array, Array]:
+        """Nodes and individuals as M N instants: stacked states, segments, local times and parameters."""
+        m, n = states.shape[2:]
+        flat = states.reshape(-1, m * n)
+        return flat, np.repeat(self.segment, n), np.repeat(self.u, n), np.tile(parameters, (1, m))
+
 
 class Population:
     """Evaluates populations of one problem.
@@ -98,11 +105,7 @@ class Population:
             if limit.segments is not None
         }
         self._limits = [
-            (
-                limit,
-                grids[requirements.continuous(limit)] if limit.segments is None else partial[limit.segments],
-                Tape(requirements.function(limit)),
-            )
+            (limit, grids[requirements.continuous(limit)] if limit.segments is None else partial[limit.segments])
             for limit in requirements.path_constraints
         ]
         self._integrals: dict[str, tuple[_Nodes, Array, Tape]] = {}
@@ -128,11 +131,8 @@ class Population:
             np.ascontiguousarray(np.swapaxes(p.reshape(cols, rows, -1), 0, 1))
             for p, (rows, cols) in zip(flat, self._shapes, strict=True)
         ]
-        states = {nodes: nodes.states(points, durations) for nodes in {nodes for _, nodes, _ in self._limits}}
-        violations = [
-            _violation(limit, nodes, tape, states[nodes], parameters, self.refine)
-            for limit, nodes, tape in self._limits
-        ]
+        states = {nodes: nodes.states(points, durations) for nodes in {nodes for _, nodes in self._limits}}
+        violations = [self._violation(limit, nodes, states[nodes], parameters) for limit, nodes in self._limits]
         values: dict[str, Array] = {}
         for name, objective in self._plain.items():
             if objective.terms is not None:
@@ -143,30 +143,28 @@ class Population:
                 values[name] = self._direct[name].evaluate(population.T)[0][0]
             else:
                 nodes, weights, tape = self._integrals[name]
-                integrand = _over_nodes(tape, nodes.states(points, durations), nodes, parameters, None)[0]
+                state, _, u, p = nodes.together(nodes.states(points, durations), parameters)
+                integrand = tape.evaluate(state, u[None], p, np.zeros((0, 1)))[0].reshape(len(nodes.nodes), -1)
                 values[name] = (integrand * (weights @ durations)).sum(axis=0)
         worst = np.concatenate(violations).T if violations else np.zeros((len(population), 0))
         return Evaluation(
             np.stack([values[name] for name in self.names], axis=1), np.where(np.isnan(worst), np.inf, worst)
         )
 
-
-def _violation(
-    limit: PathConstraint, nodes: _Nodes, tape: Tape, states: Array, parameters: Array, refine: bool
-) -> Array:
-    """Largest excess of each row over the nodes, in units of the limit's scale: ``(rows, N)``."""
-    if limit.order is not None:
-        values = states[limit.order]
-    elif limit.sweep:
-        swept = [_over_nodes(tape, states, nodes, parameters, limit.constants, s) for s in SWEEP]
-        values = np.concatenate(swept, axis=1)
-    else:
-        values = _over_nodes(tape, states, nodes, parameters, limit.constants)
-    scale = limit.scale[:, None]
-    high, low = values.max(axis=1), values.min(axis=1)
-    if refine:
-        high, low = np.maximum(high, _between(values, nodes)), np.minimum(low, -_between(-values, nodes))
-    return np.asarray(np.maximum(high - limit.upper[:, None], limit.lower[:, None] - low) / scale)
+    def _violation(self, limit: PathConstraint, nodes: _Nodes, states: Array, parameters: Array) -> Array:
+        """Largest excess of each row over the nodes, in units of the limit's scale: ``(rows, N)``."""
+        if limit.order is not None:
+            values = states[limit.order]
+        else:
+            where, u = nodes.together(states, parameters), np.repeat(nodes.u, states.shape[3])
+            sweeps = [np.full_like(u, s) for s in SWEEP] if limit.sweep else [None]
+            found = [values_at(self.problem.requirements, limit, *where, s) for s in sweeps]
+            values = np.stack(found, axis=1).reshape(len(limit.labels), -1, states.shape[3])
+        scale = limit.scale[:, None]
+        high, low = values.max(axis=1), values.min(axis=1)
+        if self.refine:
+            high, low = np.maximum(high, _between(values, nodes)), np.minimum(low, -_between(-values, nodes))
+        return np.asarray(np.maximum(high - limit.upper[:, None], limit.lower[:, None] - low) / scale)
 
 
 def _between(values: Array, nodes: _Nodes) -> Array:
@@ -182,16 +180,3 @@ def _between(values: Array, nodes: _Nodes) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         peak = b - (a - c) ** 2 / (8.0 * bend)
     return np.asarray(np.where((b >= a) & (b >= c) & (bend < 0.0), peak, -np.inf).max(axis=1))
-
-
-def _over_nodes(
-    tape: Tape, states: Array, nodes: _Nodes, parameters: Array, constants: Array | None, s: float | None = None
-) -> Array:
-    """Runs a state function's tape over nodes and individuals together: ``(rows, M, N)``."""
-    m, n = states.shape[2:]
-    p = np.tile(parameters, (1, m))
-    c = np.zeros((0, m * n)) if constants is None else np.repeat(constants[nodes.segment].T, n, axis=1)
-    place = np.repeat(nodes.u, n)[None]
-    if s is not None:
-        place = np.concatenate([place, np.full_like(place, s)])
-    return tape.evaluate(states.reshape(-1, m * n), place, p, c)[0].reshape(-1, m, n)

@@ -15,6 +15,7 @@ import casadi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ocp_traj.curves.motion import Motion
 from ocp_traj.errors import ProblemDefinitionError
 
 Array = NDArray[np.float64]
@@ -337,9 +338,33 @@ class Requirements:
             self._functions[key] = build()
         return self._functions[key]
 
-    def order(self, limit: PathConstraint) -> int:
-        """Highest time derivative the limit depends on."""
-        return derivative_order(self.function(limit), self.dof)
+    def arguments(
+        self, limit: PathConstraint | PointConstraint, states: Array, segment: NDArray[np.intp], u: Array, p: Array,
+        s: Array | None = None,
+    ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
+        """What ``function(limit)`` takes at N instants, a column an instant.
+
+        Args:
+            limit: whose constants.
+            states: stacked derivatives ``(5 dof, N)``.
+            segment: of each instant ``(N,)``.
+            u: local times ``(N,)``.
+            p: parameters ``(n_p, N)``, or ``(n_p, 1)`` for all; see ``parameters_of``.
+            s: place along the sweep ``(N,)``, of a swept limit.
+        """
+        table = getattr(limit, "constants", None)
+        c = np.zeros((0, 1)) if table is None else np.take(table.T, segment, axis=1)
+        return states, u[None] if s is None else np.stack([u, s]), p, c
+
+    def parameters_of(self, motions: Sequence[Motion]) -> Array:
+        """The global parameters of motions ``(n_p, motions)``."""
+        columns = [[motion.parameters[name] for motion in motions] for name in self.parameters]
+        return np.array(columns, dtype=float).reshape(len(self.parameters), len(motions))
+
+    def order(self, limit: PathConstraint | PointConstraint) -> int:
+        """Highest time derivative the limit depends on; see ``derivative_order``."""
+        order: int = self.compiled(limit, "order", lambda: derivative_order(self.function(limit), self.dof))
+        return order
 
     def continuous(self, limit: PathConstraint) -> bool:
         """Whether the limit has the same value on both sides of an inner knot."""

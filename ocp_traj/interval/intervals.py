@@ -85,10 +85,11 @@ def _corners(function: Operation, margin: Margin) -> Operation:
     return extension
 
 
-def _apply(function: Operation, *operands: Array) -> Array:
+def apply(function: Operation, *operands: Array) -> Array:
+    """What a NumPy function gives, whose flag of an invalid operation may be raised without a cause."""
     try:
         result: Array = function(*operands)
-    except FloatingPointError:  # vectorised code may raise the flag without a cause
+    except FloatingPointError:  # on lanes that vectorised code does not use
         with np.errstate(invalid="ignore"):
             result = function(*operands)
     return result
@@ -104,7 +105,7 @@ def _increasing(
 
     def extension(x: Array) -> Array:
         inside = np.minimum(np.maximum(x, domain[0]), domain[1]) if domain else x
-        result = _outward(_apply(function, inside), margin)
+        result = _outward(apply(function, inside), margin)
         if image:
             result = np.minimum(np.maximum(result, image[0]), image[1])
         return np.where((x[1] < domain[0]) | (x[0] > domain[1]), _ENTIRE, result) if domain else result
@@ -172,7 +173,7 @@ def _wave(function: Operation, peak: float) -> Operation:
 
     def extension(x: Array) -> Array:
         x = np.where(_is_huge(x), _FULL_TURN, x)
-        result = np.minimum(np.maximum(_outward(_hull(_apply(function, x)), _ULPS), -1.0), 1.0)
+        result = np.minimum(np.maximum(_outward(_hull(apply(function, x)), _ULPS), -1.0), 1.0)
         turns = _turns(x, 2.0 * np.pi, peak)
         result[0][_holds_integer(turns - 0.5)] = -1.0
         result[1][_holds_integer(turns)] = 1.0
@@ -183,7 +184,7 @@ def _wave(function: Operation, peak: float) -> Operation:
 
 def _tan(x: Array) -> Array:
     pole = _is_huge(x) | _holds_integer(_turns(x, np.pi, np.pi / 2))
-    return np.where(pole, _ENTIRE, _outward(_apply(np.tan, np.where(pole, 0.0, x)), _ULPS))
+    return np.where(pole, _ENTIRE, _outward(apply(np.tan, np.where(pole, 0.0, x)), _ULPS))
 
 
 def _angle(y: Array, x: Array) -> Array:
@@ -194,7 +195,7 @@ def _angle(y: Array, x: Array) -> Array:
 
 
 def _length(x: Array, y: Array) -> Array:
-    result: Array = np.maximum(_outward(_apply(np.hypot, _magnitude(x), _magnitude(y)), _ULPS), 0.0)
+    result: Array = np.maximum(_outward(apply(np.hypot, _magnitude(x), _magnitude(y)), _ULPS), 0.0)
     return result
 
 

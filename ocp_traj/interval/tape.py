@@ -55,13 +55,13 @@ class Tape:
                     leaf_of_row[row] = len(self._leaves)
                     self._leaves.append(row)
                 slot[written[0]] = self._n_slots + leaf_of_row[row]
-            elif operation in _FLOAT:
+            elif operation in FLOAT:
                 operands = [slot[register] for register in read] + [-1]
                 slot[written[0]] = len(self._results) + written[0]
                 self._steps.append((operation, slot[written[0]], operands[0], operands[1]))
             else:
-                raise self._unsupported(operation, "in floats", _FLOAT)
-        self._float_program = [(_FLOAT[operation], *slots) for operation, *slots in self._steps]
+                raise self._unsupported(operation, "in floats", FLOAT)
+        self._float_program = [(FLOAT[operation], *slots) for operation, *slots in self._steps]
         self._interval_program: list[Any] | None = None  # made on demand: floats do more operations than intervals
         self._constants: dict[float, Array] = {}  # as boxes
 
@@ -112,7 +112,7 @@ class Tape:
         """Refuse a tape with kinks or jumps: second derivatives miss them, so that a proof by them is unsound."""
         for operation, *_ in self._steps:
             if operation in _KINKED:
-                raise KinkedExpression(f"{what} is not smooth: it contains {_NAMES[operation]}; {_KINKED[operation]}")
+                raise KinkedExpression(f"{what} is not smooth: it contains {NAMES[operation]}; {_KINKED[operation]}")
 
     def _columns(self, inputs: Sequence[Array], ends: int = 1) -> tuple[list[Array], int]:
         """The inputs as ``(numel_in(k), 1 or N)``, ``ends`` of them to an argument, and N."""
@@ -150,12 +150,12 @@ class Tape:
         return INTERVAL[operation], written, first, second
 
     def _unsupported(self, operation: int, where: str, known: dict[int, Operation]) -> UnsupportedOperation:
-        name = _NAMES.get(operation, f"operation {operation}")
-        allowed = ", ".join(sorted(_NAMES[key] for key in known))
+        name = NAMES.get(operation, f"operation {operation}")
+        allowed = ", ".join(sorted(NAMES[key] for key in known))
         return UnsupportedOperation(f"{self.name}: {name} is not supported {where}; supported are {allowed}")
 
 
-_NAMES = {getattr(casadi, name): name for name in dir(casadi) if name.startswith("OP_")}
+NAMES = {getattr(casadi, name): name for name in dir(casadi) if name.startswith("OP_")}
 _SPLIT = "split it into several limits, one for each branch or argument (a maximum is several limits)"
 _KINKED: dict[int, str] = operation_table(
     FABS="write |x| <= c as the two-sided limit -c <= x <= c, and limit a distance by its square (sqrt(x^2) is |x|)",
@@ -178,7 +178,7 @@ def _logical(function: Operation) -> Operation:
     return lambda *operands: function(*operands) * 1.0
 
 
-_FLOAT: dict[int, Operation] = operation_table(
+FLOAT: dict[int, Operation] = operation_table(
     ASSIGN=lambda x: x, ADD=np.add, SUB=np.subtract, MUL=np.multiply, DIV=np.divide, NEG=np.negative, INV=np.reciprocal,
     SQ=np.square, TWICE=lambda x: x + x, SQRT=np.sqrt, POW=np.power, CONSTPOW=np.power, HYPOT=np.hypot,
     EXP=np.exp, EXPM1=np.expm1, LOG=np.log, LOG1P=np.log1p, ERF=special.erf,

@@ -18,10 +18,10 @@ from ocp_traj.blas import one_blas_thread
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.motion import Motion
 from ocp_traj.errors import MOST_NAMES, InputError, quoted
-from ocp_traj.formulation.requirements import ORDERS, PointConstraint, Requirements, derivative_order
-from ocp_traj.interval.tape import Tape
+from ocp_traj.formulation.requirements import ORDERS, PointConstraint, Requirements
 from ocp_traj.proof.prover import Prover
 from ocp_traj.proof.swept import SweptProver
+from ocp_traj.proof.values import values_at
 from ocp_traj.proof.verdicts import ALLOWANCE, CHECKED, VIOLATED, Audit, AuditRow
 
 Array = NDArray[np.float64]
@@ -140,21 +140,16 @@ def _check_points(
     trajectories: Sequence[Motion], requirements: Requirements, point: PointConstraint
 ) -> list[list[AuditRow]]:
     """The rows of a point constraint, per trajectory."""
-    tape = requirements.compiled(point, "tape", lambda: Tape(requirements.function(point)))
-    highest = requirements.compiled(
-        point, "order", lambda: derivative_order(requirements.function(point), requirements.dof)
-    )
     state = np.zeros((len(ORDERS), requirements.dof, len(trajectories), len(point.at)))
     for i, trajectory in enumerate(trajectories):
         for j, (segment, u) in enumerate(point.at):
             k = _segment(trajectory.curve, segment, point.id)
-            for order in range(highest + 1):
+            for order in range(requirements.order(point) + 1):
                 state[order, :, i, j] = trajectory.curve.at(k, u, order)[0]
     columns = state.reshape(len(ORDERS) * requirements.dof, -1)
-    local = np.tile([u for _, u in point.at], len(trajectories))[None]
-    p = np.array([[t.parameters[name] for t in trajectories for _ in point.at] for name in requirements.parameters])
-    p = p.reshape(len(requirements.parameters), columns.shape[1])
-    values = tape.evaluate(columns, local, p, np.zeros((0, 1)))[0].reshape(-1, len(trajectories), len(point.at))
+    segments, local = (np.tile(part, len(trajectories)) for part in zip(*point.at, strict=True))
+    p = np.repeat(requirements.parameters_of(trajectories), len(point.at), axis=1)
+    values = values_at(requirements, point, columns, segments, local, p).reshape(-1, len(trajectories), len(point.at))
     return [_point_rows(trajectory, point, values[:, i]) for i, trajectory in enumerate(trajectories)]
 
 

@@ -12,6 +12,15 @@ from ocp_traj.interval.tape import Tape
 Array = NDArray[np.float64]
 
 
+def values_at(
+    requirements: Requirements, limit: PathConstraint | PointConstraint, states: Array, segment: NDArray[np.intp],
+    u: Array, p: Array, s: Array | None = None,
+) -> Array:  # fmt: skip
+    """Values of a limit at N instants ``(rows, N)``, in the limit's units; see ``Requirements.arguments``."""
+    tape = requirements.compiled(limit, "tape", lambda: Tape(requirements.function(limit)))
+    return np.asarray(tape.evaluate(*requirements.arguments(limit, states, segment, u, p, s))[0])
+
+
 def limit_on(
     trajectory: Motion,
     requirements: Requirements,
@@ -23,33 +32,27 @@ def limit_on(
 
     Of a swept limit, the value nearest to its bounds, or farthest beyond, over ``SWEEP``.
     """
-    local = np.atleast_1d(np.asarray(u, dtype=float))
-    states = np.concatenate([trajectory.curve.at(segment, local, order).T for order in range(len(ORDERS))])
-    tape = requirements.compiled(limit, "tape", lambda: Tape(requirements.function(limit)))
-    parameters = np.array([[trajectory.parameters[name]] for name in requirements.parameters]).reshape(-1, 1)
-    table = getattr(limit, "constants", None)
-    constants = np.zeros((0, 1)) if table is None else table[segment][:, None]
-    shared = [np.repeat(values, len(local), axis=1) for values in (parameters, constants)]
     if isinstance(limit, PathConstraint) and limit.sweep:
-        swept = [tape.evaluate(states, np.stack([local, np.full_like(local, s)]), *shared)[0] for s in SWEEP]
-        return farthest(limit, np.stack(swept, axis=1))
-    return np.asarray(tape.evaluate(states, local[None], *shared)[0])
+        return farthest(limit, swept_on(trajectory, requirements, limit, segment, u, SWEEP).swapaxes(1, 2))
+    return swept_on(trajectory, requirements, limit, segment, u, None)[:, :, 0]
 
 
 def swept_on(
-    trajectory: Motion, requirements: Requirements, limit: PathConstraint, segment: int, u: ArrayLike, s: ArrayLike
-) -> Array:
-    """Values of a swept limit on one segment at all pairs of ``u (N,)`` and ``s (M,)``: ``(rows, N, M)``."""
-    local, sweep = np.atleast_1d(np.asarray(u, dtype=float)), np.atleast_1d(np.asarray(s, dtype=float))
+    trajectory: Motion, requirements: Requirements, limit: PathConstraint | PointConstraint, segment: int,
+    u: ArrayLike, s: ArrayLike | None,
+) -> Array:  # fmt: skip
+    """Values of a swept limit on one segment at all pairs of ``u (N,)`` and ``s (M,)``: ``(rows, N, M)``.
+
+    Of a limit that is not swept, with None for s, ``(rows, N, 1)``.
+    """
+    local = np.atleast_1d(np.asarray(u, dtype=float))
+    sweep = None if s is None else np.atleast_1d(np.asarray(s, dtype=float))
+    count = 1 if sweep is None else len(sweep)
     states = np.concatenate([trajectory.curve.at(segment, local, order).T for order in range(len(ORDERS))])
-    tape = requirements.compiled(limit, "tape", lambda: Tape(requirements.function(limit)))
-    count = len(local) * len(sweep)
-    parameters = np.array([[trajectory.parameters[name]] for name in requirements.parameters]).reshape(-1, 1)
-    constants = np.zeros((0, 1)) if limit.constants is None else limit.constants[segment][:, None]
-    shared = [np.repeat(values, count, axis=1) for values in (parameters, constants)]
-    place = np.stack([np.repeat(local, len(sweep)), np.tile(sweep, len(local))])
-    values = tape.evaluate(np.repeat(states, len(sweep), axis=1), place, *shared)[0]
-    return np.asarray(values.reshape(-1, len(local), len(sweep)))
+    place = np.full(len(local) * count, segment), np.repeat(local, count), requirements.parameters_of([trajectory])
+    along = None if sweep is None else np.tile(sweep, len(local))
+    values = values_at(requirements, limit, np.repeat(states, count, axis=1), *place, along)
+    return values.reshape(-1, len(local), count)
 
 
 def farthest(limit: PathConstraint, values: Array) -> Array:

@@ -14,16 +14,6 @@ PROVED, CHECKED, UNDECIDED, VIOLATED = "proved", "checked", "undecided", "violat
 SEVERITY = {PROVED: 0, CHECKED: 0, UNDECIDED: 1, VIOLATED: 2}
 
 
-def decide(attained: float, enclosed: float, allowed: float) -> str:
-    """The verdict on "value <= allowed", from a value that is attained and one that is never exceeded.
-
-    Nothing that is not a number passes.
-    """
-    if attained > allowed:
-        return VIOLATED
-    return PROVED if enclosed <= allowed else UNDECIDED
-
-
 @dataclass(frozen=True)
 class AuditRow:
     """What is known of one row of one limit, on the side where its margin is smallest.

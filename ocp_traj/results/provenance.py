@@ -125,7 +125,7 @@ def _slopes(curve: Any) -> Any:
 
 def _numbers(motion: Motion, problem: Problem) -> Array:
     """A trajectory's durations, parameters and control points in the order of ``curve_function``."""
-    parameters = [motion.parameters[name] for name in problem.requirements.parameters]
+    parameters = problem.requirements.parameters_of([motion]).ravel()
     points = [p.ravel(order="F") for p in motion.curve.control_points]
     return np.concatenate([motion.curve.durations, parameters, *points])
 

@@ -1,0 +1,123 @@
+"""What is known of one limit along motions, and what follows: proved, violated, undecided, or worth another cut.
+
+Both sides of each row are read as "value <= bound": side 0 is g <= upper, side 1 is -g <= -lower. A value that is
+attained beyond what is allowed violates it, a bound over all arcs within what is allowed proves it; nothing that is
+not a number passes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ocp_traj.curves.motion import Motion
+from ocp_traj.formulation.requirements import PathConstraint
+from ocp_traj.proof.verdicts import PROVED, SEVERITY, UNDECIDED, VIOLATED, AuditRow
+
+Array = NDArray[np.float64]
+
+UNDERFLOW = 1e-300  # of any unit: far above what is left of rounding a zero outward, far below any quantity
+
+
+def decide(attained: float, enclosed: float, allowed: float) -> str:
+    """The verdict on "value <= allowed", from a value that is attained and one that is never exceeded."""
+    if attained > allowed:
+        return VIOLATED
+    return PROVED if enclosed <= allowed else UNDECIDED
+
+
+def allowance_of(bound: Array, share: float) -> Array:
+    """What each bound may be exceeded by: a share of its own size; of zero, what outward rounding makes of a zero."""
+    return np.where(np.isfinite(bound), np.maximum(share * np.abs(bound), UNDERFLOW), 0.0)
+
+
+class Decision:
+    """The values attained and the bounds found of one limit, per side, row and motion.
+
+    Args:
+        motions: along which the limit is looked at.
+        limit: whose bounds.
+        allowance: as a share of each bound.
+        tightness: how closely the largest value is enclosed, in units of the limit's scale.
+
+    Attributes:
+        bound, allowance: ``(2, rows)``, infinite and 0 where there is no bound.
+        attained: lower bound of the largest value ``(2, rows, motions)``.
+        place: segment, local time and sweep of that value ``(3, 2, rows, motions)``.
+        proved: upper bound over all arcs that are closed ``(2, rows, motions)``.
+        boxes: how many were looked at ``(motions,)``.
+    """
+
+    def __init__(self, motions: Sequence[Motion], limit: PathConstraint, allowance: float, tightness: float) -> None:
+        self.motions, self.limit, self.tightness = motions, limit, tightness
+        self.bound, self.scale = np.stack([limit.upper, -limit.lower]), limit.scale
+        self.allowance = allowance_of(self.bound, allowance)
+        shape = 2, len(limit.labels), len(motions)
+        self.attained, self.proved, self.place = np.full(shape, -np.inf), np.full(shape, -np.inf), np.zeros((3, *shape))
+        self.boxes = np.zeros(len(motions), dtype=int)
+
+    @property
+    def allowed(self) -> Array:
+        """What no value may exceed ``(2, rows, 1)``."""
+        return np.asarray((self.bound + self.allowance)[..., None])
+
+    def attain(self, owner: NDArray[np.intp], values: Array, *place: NDArray[Any]) -> None:
+        """Takes note of the largest of values ``(2, rows, N)`` of motions ``owner (N,)``, ascending, and where."""
+        owners, first, inverse = np.unique(owner, return_index=True, return_inverse=True)
+        largest = np.maximum.reduceat(values, first, axis=-1)
+        index = np.where(values == largest[..., inverse], np.arange(len(owner)), -1)
+        index = np.maximum.reduceat(index, first, axis=-1)
+        better = largest > self.attained[..., owners]
+        side, row, found = np.nonzero(better)
+        at = side, row, owners[found]
+        self.attained[at] = largest[better]
+        for known, source in zip(self.place, place, strict=False):
+            known[at] = source[index[better]]
+
+    def open(
+        self, owner: NDArray[np.intp], bound: Array, near: Array | float = -np.inf, hopeless: Array | float = -np.inf
+    ) -> NDArray[np.bool_]:
+        """Which sides, rows and arcs need refining, and can gain by it: not decided, or not tight.
+
+        Args:
+            owner: motion of each arc ``(N,)``.
+            bound: of both sides over each arc ``(2, rows, N)``.
+            near: what is tight whatever the tightness says ``(2, rows, N)``.
+            hopeless: below what no cut can bring the bound ``(2, rows, N)``.
+        """
+        attained, allowed = self.attained[..., owner], self.allowed
+        with np.errstate(invalid="ignore"):
+            tight = np.maximum(attained + self.tightness * self.scale[:, None], near)
+        undecided = ~(bound <= np.maximum(allowed, hopeless)) & ~(attained > allowed)
+        return np.asarray((undecided | ~(bound <= tight)) & np.isfinite(self.bound)[:, :, None])
+
+    def close(self, owner: NDArray[np.intp], bound: Array) -> None:
+        """Takes note of bounds ``(2, rows, N)`` over arcs of motions ``owner (N,)``, ascending, that are closed."""
+        if len(owner):
+            owners, first = np.unique(owner, return_index=True)
+            self.proved[..., owners] = np.maximum(self.proved[..., owners], np.maximum.reduceat(bound, first, axis=-1))
+
+    def rows(self, motion: int) -> list[AuditRow]:
+        """Of each row of the limit the side that is worse off."""
+        rows = []
+        for row in range(len(self.limit.labels)):
+            sides = [self._row(side, row, motion) for side in (0, 1) if np.isfinite(self.bound[side, row])]
+            if sides:
+                rows.append(max(sides, key=lambda r: (SEVERITY[r.verdict], -r.margin)))
+        return rows
+
+    def _row(self, side: int, row: int, motion: int) -> AuditRow:
+        limit, at, sign = self.limit, (side, row, motion), (1.0, -1.0)[side]
+        bound, allowance = float(self.bound[side, row]), float(self.allowance[side, row])
+        attained, proved = float(self.attained[at]), float(self.proved[at])
+        segment, u, sweep = self.place[:, *at].tolist()
+        curve, k = self.motions[motion].curve, int(segment)
+        return AuditRow(
+            limit.id, limit.labels[row], limit.units[row], sign * bound, sign * attained,
+            float(curve.knots[k] + u * curve.durations[k]), sign * proved, (bound - proved) / float(self.scale[row]),
+            decide(attained, proved, bound + allowance), int(self.boxes[motion]), sweep if limit.sweep else None,
+            allowance,
+        )  # fmt: skip
