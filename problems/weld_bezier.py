@@ -324,9 +324,9 @@ def _seam_problem(case: Ogbemhe2019, machine: Robot, limits: Sequence[PathConstr
         figures=partial(_figures, machine, seam(case), cut),
         # The torch's spin leaves valleys that bend: short steps down them, made longer soon, and a barrier that is low
         # from the start; the stepping stone lies in the middle of a valley.
-        solver_options={
+        solver_options={"ipopt": {
             "tol": 1e-4, "mu_target": 1e-4, "mu_init": 1e-3, "perturb_dec_fact": 0.1, "constr_viol_tol": 1e-9,
-        },
+        }},
         stepping_stone="total",
     )  # fmt: skip
 

@@ -28,6 +28,7 @@ from ocp_traj.results.solution import Solution
 from ocp_traj.results.time_scaling import largest_excess, slow_down
 from ocp_traj.results.trajectory import audit_points, trajectory_of
 from ocp_traj.solvers.ipopt import Ipopt
+from ocp_traj.solvers.protocols import NLPSolver
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
 from ocp_traj.transcription.peaks import along, frozen, where
 from ocp_traj.transcription.symbolic import evaluate_objectives, variations
@@ -60,7 +61,7 @@ class Exchange:
         progress: told of each round.
     """
 
-    solver: Ipopt = field(default_factory=Ipopt)
+    solver: NLPSolver = field(default_factory=Ipopt)
     max_rounds: int | None = None
     back_off: float = BACK_OFF
     repair: bool = True
@@ -136,11 +137,11 @@ class Exchange:
             nlp = transcribe(problem, scalarisation, instants, back_off)
             start = nlp.start(x)
             follows = any(instant.moves for instant in instants)
-            limit = min(self.solver.max_iter, WARM_ITERATIONS) if follows else self.solver.max_iter
             if number == 1 and opened is not None:
                 result = opened
             else:
-                result = replace(self.solver, max_iter=limit).solve(nlp, start, warm)
+                solver = self.solver.limited(WARM_ITERATIONS) if follows else self.solver
+                result = solver.solve(nlp, start, warm)
             iterations += result.iterations
             if result.status is not Status.SOLVED and (follows or warm is not None):
                 # Multipliers, or an instant that races along a flat peak, can mislead: once more without either.

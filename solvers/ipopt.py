@@ -50,7 +50,8 @@ _STATUS = {
     "Internal_Error": Status.FAILED,
 }
 
-_STOPPED = (Status.LOCALLY_INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT)  # perhaps at a feasible point
+# Our choice; IPOPT's own are 0.1, 0.01 and 0.01.
+_NARROW = {"mu_init": 1e-6, "bound_push": 1e-8, "bound_frac": 1e-8}
 
 
 class _AfterIteration(casadi.Callback):
@@ -100,6 +101,14 @@ class Ipopt:
         """Checks the linear solver."""
         if self.linear_solver not in LINEAR_SOLVERS:
             raise InputError(f"linear solver {self.linear_solver!r}; allowed are {', '.join(LINEAR_SOLVERS)}")
+
+    def limited(self, iterations: int) -> Ipopt:
+        """The same with at most so many iterations."""
+        return replace(self, max_iter=min(self.max_iter, iterations))
+
+    def near_start(self) -> Ipopt:
+        """The same with a narrow barrier, which ends in an optimum near its start; the usual one leads across."""
+        return replace(self, options={**_NARROW, **self.options})
 
     @one_blas_thread
     def solve(self, nlp: NLP, x0: Array, warm: NLPResult | None = None) -> NLPResult:
@@ -160,17 +169,11 @@ class Ipopt:
             "show_eval_warnings": False,  # of steps that lead to no number: IPOPT takes shorter ones
             "expand": nlp.expand,
             "iteration_callback": _AFTER_ITERATION,
-            "ipopt": self._settings(bool(multipliers), nlp.options),
+            "ipopt": self._settings(bool(multipliers), nlp.options.get("ipopt", {})),
         }
         if nlp.derivatives is not None:
             options |= {"hess_lag": nlp.derivatives.hessian, "jac_g": nlp.derivatives.jacobian}
-        program: Any = {"x": nlp.x, "f": nlp.f, "g": nlp.g}
-        # CasADi forgets the derivatives of a function with the last solver that uses them, and making them anew is most
-        # of the work of a small NLP: the solver stays alive until the next one has been built.
-        known, settings, solver = nlp.memory.get("solver", (None, None, None))
-        if known is not nlp or settings != options:
-            solver = casadi.nlpsol("solver", "ipopt", program, options)
-            nlp.memory["solver"] = nlp, options, solver
+        solver = nlp.compiled("ipopt", options)
         bounds = {"lbx": nlp.lower_x, "ubx": nlp.upper_x, "lbg": nlp.lower_g, "ubg": nlp.upper_g}
         with stopping() as stop:
             stop.check()
@@ -178,27 +181,9 @@ class Ipopt:
             stats = solver.stats()
             if not _STATUS.get(stats["return_status"], Status.FAILED).ok:
                 stop.check()  # what ended well is kept, even if time is over
-        x, g, lam_g, lam_x = (np.array(result[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
-        violation = nlp.violation(x, g)
-        status = _STATUS.get(stats["return_status"], Status.FAILED)
-        if status.ok and not violation <= self.feasibility:
-            status = Status.FAILED
-        elif status in _STOPPED and violation <= self.feasibility:
-            status = Status.FEASIBLE
-        return NLPResult(
-            name=nlp.name,
-            x=x,
-            f=float(result["f"]),
-            status=status,
-            violation=violation,
-            iterations=int(stats.get("iter_count", 0)),
-            seconds=time.perf_counter() - begun,
-            multipliers=dict(zip(nlp.rows, lam_g.tolist(), strict=True)),
-            bound_multipliers=lam_x,
-            slacks=dict(zip(nlp.rows, np.minimum(g - nlp.lower_g, nlp.upper_g - g).tolist(), strict=True)),
-            row_count=len(nlp.rows),
-            detail=f"IPOPT: {stats['return_status']}",
-        )
+        said, iterations = stats["return_status"], int(stats.get("iter_count", 0))
+        status, seconds = _STATUS.get(said, Status.FAILED), time.perf_counter() - begun
+        return nlp.result(result, status, self.feasibility, iterations, seconds, f"IPOPT: {said}")
 
     def conflicts(self, nlp: NLP, x0: Array) -> tuple[Conflict, ...]:
         """The limits that do not hold together, from the elastic problem: least sum of excesses over the bounds.

@@ -119,7 +119,7 @@ class Problem:
         regularisation: {objective: weight}, traces of objectives that every NLP adds to what it minimises, each over
             its scale, where many trajectories are as good as one another.
         figures: (name, value, unit) of a trajectory, which no objective says and a reader wants to know.
-        solver_options: of the NLP solver, by IPOPT's names, where the usual ones serve this problem badly.
+        solver_options: of NLP solvers, by their names, where the usual ones serve this problem badly.
         notes: what this case fills in where the paper says nothing; shown with the problem and with every result.
     """
 
@@ -154,7 +154,7 @@ class Problem:
     scales_in_time: bool = False
     regularisation: Mapping[str, float] = field(default_factory=dict)
     figures: Callable[[Motion], Sequence[tuple[str, float, str]]] | None = None
-    solver_options: Mapping[str, Any] = field(default_factory=dict)
+    solver_options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     _functions: dict[Hashable, Any] = field(default_factory=dict, repr=False, init=False)
 

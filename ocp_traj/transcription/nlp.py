@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+import casadi
 from ocp_traj.errors import NoSolutionFound, ProblemDefinitionError
 from ocp_traj.formulation.rows import Conflict, Row
 from ocp_traj.transcription.local_derivatives import Derivatives
@@ -32,7 +33,7 @@ class NLP:
         complete: the problem's own variables -> the extra variables that go with them, after those.
         expand: the functions are short: write them out (casadi's ``expand``).
         derivatives: Jacobian and Hessian, where there are quicker ones than the solver would make.
-        options: for the solver, by IPOPT's names, in place of its usual ones.
+        options: in place of a solver's usual ones: {solver: {its own name of an option: value}}.
         memory: outlives the NLP: a solver leaves its compiled derivatives here for the next NLP of the same problem.
     """
 
@@ -50,7 +51,7 @@ class NLP:
     complete: Callable[[Array], Array] = lambda x: np.zeros(0)
     expand: bool = False
     derivatives: Derivatives | None = None
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     memory: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -80,6 +81,53 @@ class NLP:
         gaps = np.concatenate([self.lower_x - x, x - self.upper_x, self.lower_g - g, g - self.upper_g])
         return float(max(np.max(gaps, initial=0.0), 0.0)) if np.isfinite(gaps[~np.isinf(gaps)]).all() else np.inf
 
+    def compiled(self, plugin: str, options: Mapping[str, Any]) -> Any:
+        """One of CasADi's solvers for this NLP.
+
+        CasADi forgets the derivatives of a function with the last solver that uses them, and making them anew is most
+        of the work of a small NLP: a solver stays alive until the next one of the same problem has been built.
+        """
+        known, before, solver = self.memory.get(plugin, (None, None, None))
+        if known is not self or before != options:
+            program: Any = {"x": self.x, "f": self.f, "g": self.g}
+            solver = casadi.nlpsol("solver", plugin, program, dict(options))
+            self.memory[plugin] = self, options, solver
+        return solver
+
+    def result(
+        self, found: Mapping[str, Any], status: Status, feasibility: float, iterations: int, seconds: float, detail: str
+    ) -> NLPResult:  # fmt: skip
+        """What one of CasADi's solvers has found, its violation recomputed.
+
+        Args:
+            found: the solver's outputs.
+            status: what it says of them; a point that breaks a row or bound by more than ``feasibility`` is FAILED.
+            feasibility: up to which a point counts as feasible; one that it stopped at is then FEASIBLE.
+            iterations: spent.
+            seconds: spent.
+            detail: its own words.
+        """
+        x, g, lam_g, lam_x = (np.array(found[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
+        violation = self.violation(x, g)
+        if status.ok and not violation <= feasibility:
+            status = Status.FAILED
+        elif status in _STOPPED and violation <= feasibility:
+            status = Status.FEASIBLE
+        return NLPResult(
+            name=self.name,
+            x=x,
+            f=float(found["f"]),
+            status=status,
+            violation=violation,
+            iterations=iterations,
+            seconds=seconds,
+            multipliers=dict(zip(self.rows, lam_g.tolist(), strict=True)),
+            bound_multipliers=lam_x,
+            slacks=dict(zip(self.rows, np.minimum(g - self.lower_g, self.upper_g - g).tolist(), strict=True)),
+            row_count=len(self.rows),
+            detail=detail,
+        )
+
 
 class Status(Enum):
     """How a solve ended.
@@ -104,6 +152,9 @@ class Status(Enum):
     def ok(self) -> bool:
         """Whether the point returned is feasible and meant to be used."""
         return self in (Status.SOLVED, Status.ACCEPTABLE, Status.FEASIBLE)
+
+
+_STOPPED = (Status.LOCALLY_INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT)  # perhaps at a feasible point
 
 
 @dataclass(frozen=True, eq=False)
