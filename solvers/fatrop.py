@@ -1,8 +1,10 @@
 """FATROP through CasADi: an interior-point method whose linear algebra is dense where an ``NLP`` has no stages.
 
-Vanroye, Sathya, De Schutter and Decre (2023), IROS. It takes a bound b for b -+ 1e-8 max(1, |b|), whatever its options;
-here bounds are drawn in by as much. It has neither multipliers of an earlier solve nor limits that are in conflict, and
-Ctrl-C has to wait until it is done.
+Vanroye, Sathya, De Schutter and Decre (2023), IROS. Good for few variables under many rows: the NLP of
+``hybrid-spline`` (12 variables, 525 rows) takes three quarters of IPOPT's time, that of ``rotor-353`` (3, 156) likewise.
+IPOPT's tolerance is a hundred times finer. It takes a bound b for b -+ 1e-8 max(1, |b|), whatever its options; here bounds
+are drawn in by as much. It neither takes multipliers of an earlier solve nor says which limits conflict, and Ctrl-C has
+to wait until it is done. (CasADi's ``sqpmethod`` with ``qrqp`` finds no feasible point of the first in 150 s.)
 """
 
 from __future__ import annotations
@@ -51,12 +53,12 @@ class Fatrop:
 
     @one_blas_thread
     def solve(self, nlp: NLP, x0: Array, warm: NLPResult | None = None) -> NLPResult:
-        """Solves an NLP from ``x0 (n,)``, clipped into the bounds, or from ``warm``'s point as well as from any."""
+        """Solves an NLP from ``x0 (n,)``, clipped into the bounds; ``warm`` is of no use to it."""
         begun = time.perf_counter()
-        settings = {"print_level": 0, "tol": self.tol, "max_iter": self.max_iter, **nlp.options.get("fatrop", {})}
+        settings = {"print_level": 0, "tol": self.tol, "max_iter": self.max_iter - 1}  # it takes one more
         options = {
             "print_time": False, "error_on_fail": False, "show_eval_warnings": False, "expand": nlp.expand,
-            "fatrop": settings | dict(self.options),
+            "fatrop": settings | dict(nlp.options.get("fatrop", {})) | dict(self.options),
         }  # fmt: skip
         solver = nlp.compiled("fatrop", options)
         bounds = dict(zip(("lbx", "ubx"), _drawn_in(nlp.lower_x, nlp.upper_x), strict=True))
@@ -68,11 +70,11 @@ class Fatrop:
             if not stats["success"]:
                 stop.check()
         iterations = int(stats["iter_count"])
-        # Of all that is not success it says only that it is not.
-        status = Status.SOLVED if stats["success"] else Status.FAILED
-        if iterations >= self.max_iter:
-            status = Status.ITERATION_LIMIT
-        words = f"FATROP: {'success' if stats['success'] else 'no success'}"
+        if stats["success"]:
+            status, words = Status.SOLVED, "FATROP: success"
+        else:  # it says no more than that
+            status = Status.ITERATION_LIMIT if iterations >= settings["max_iter"] else Status.FAILED
+            words = "FATROP: no success"
         return nlp.result(found, status, self.feasibility, iterations, time.perf_counter() - begun, words)
 
 
