@@ -45,6 +45,7 @@ from ocp_traj.formulation.requirements import (
     Requirements,
     State,
 )
+from ocp_traj.formulation.summary import Summary
 from ocp_traj.paths.pieces import Pieces, at_piece
 from ocp_traj.paths.polyline_seam import PolylineSeam
 from ocp_traj.paths.seam import Placement, Seam, TubeSeam
@@ -56,6 +57,12 @@ from ocp_traj.robot.robot import Robot
 Array = NDArray[np.float64]
 Six = tuple[float, float, float, float, float, float]
 
+SUMMARY = Summary(  # of the seam, whose start takes seconds to find
+    "weld-bezier", "KUKA KR90 stand-in, nonic Bezier segments, a tubular seam",
+    "KR90 R3100 extra HA (stand-in), 6 joints", "nonic Bezier, approach, 8 pieces of the seam, retract", 272,
+    ("air_time", "effort", "dynamic_effort", "movement", "jerk", "snap", "total"),
+    "Ogbemhe, Mpofu and Tlale (2019), IEEE Access",
+)  # fmt: skip
 CASES = ("seam", "air-move")
 JOINTS = kr90.JOINTS
 PRINTED_EFFORT = 35_000.0  # [N m], every joint: the paper's

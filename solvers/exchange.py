@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.blas import one_blas_thread
+from ocp_traj.formulation import case
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint
 from ocp_traj.formulation.rows import Row
@@ -62,11 +63,15 @@ class Exchange:
     """
 
     solver: NLPSolver = field(default_factory=Ipopt)
-    max_rounds: int | None = None
-    back_off: float = BACK_OFF
+    max_rounds: int | None = case.count(None)
+    back_off: float = case.number(BACK_OFF)
     repair: bool = True
     first: Sequence[Instant] | None = None
     progress: Progress = silent
+
+    def __post_init__(self) -> None:
+        """Checks the numbers."""
+        case.check(self)
 
     def opening(self, problem: Problem, scalarisation: Scalarisation) -> NLP:
         """The NLP of the first round."""

@@ -1,10 +1,10 @@
 """FATROP through CasADi: an interior-point method whose linear algebra is dense where an ``NLP`` has no stages.
 
-Vanroye, Sathya, De Schutter and Decre (2023), IROS. Good for few variables under many rows: the NLP of
-``hybrid-spline`` (12 variables, 525 rows) takes three quarters of IPOPT's time, that of ``rotor-353`` (3, 156) likewise.
-IPOPT's tolerance is a hundred times finer. It takes a bound b for b -+ 1e-8 max(1, |b|), whatever its options; here bounds
-are drawn in by as much. It neither takes multipliers of an earlier solve nor says which limits conflict, and Ctrl-C has
-to wait until it is done. (CasADi's ``sqpmethod`` with ``qrqp`` finds no feasible point of the first in 150 s.)
+Vanroye, Sathya, De Schutter and Decre (2023), IROS. Good for few variables under many rows: it takes three quarters of
+IPOPT's time for the NLP of ``hybrid-spline`` (12 variables, 525 rows) and of ``rotor-353`` (3, 156), to a tolerance that
+is a hundred times coarser. It takes a bound b for b -+ 1e-8 max(1, |b|), whatever its options; here bounds are drawn in
+by as much. It neither takes multipliers of an earlier solve nor says which limits conflict, and Ctrl-C has to wait until
+it is done. (CasADi's ``sqpmethod`` with ``qrqp`` finds no feasible point of the first in 150 s.)
 """
 
 from __future__ import annotations

@@ -18,14 +18,11 @@ Array = NDArray[np.float64]
 
 
 class NLPSolver(Protocol):
-    """A local solver of nonlinear programs, which sees an ``NLP`` and nothing of where it comes from.
-
-    Attributes:
-        feasibility: scaled violation up to which a point counts as feasible.
-    """
+    """A local solver of nonlinear programs, which sees an ``NLP`` and nothing of where it comes from."""
 
     @property
-    def feasibility(self) -> float: ...
+    def feasibility(self) -> float:
+        """Scaled violation up to which a point counts as feasible."""
 
     def solve(self, nlp: NLP, x0: Array, warm: NLPResult | None = None) -> NLPResult:
         """Solves from ``x0 (n,)``, with the multipliers of a like NLP's solution if given; says so where it fails."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, Self
 
+import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-import casadi
 from ocp_traj.errors import NoSolutionFound, ProblemDefinitionError
 from ocp_traj.formulation.rows import Conflict, Row
 from ocp_traj.transcription.local_derivatives import Derivatives
