@@ -30,6 +30,7 @@ from ocp_traj.results.time_scaling import largest_excess, slow_down
 from ocp_traj.results.trajectory import audit_points, trajectory_of
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.protocols import NLPSolver
+from ocp_traj.transcription.finite import not_finite
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
 from ocp_traj.transcription.peaks import along, frozen, where
 from ocp_traj.transcription.symbolic import evaluate_objectives, variations
@@ -189,6 +190,9 @@ class Exchange:
             why = f"all {most} rounds are used up, {gain}" if most > 1 else "the one round is used up"
         else:
             why = f"round {number} of {most} found no point: {solution.status.value}, {solution.detail}"
+            if solution.status is Status.FAILED:
+                names = (*scalarisation.names, *problem.regularisation)
+                why = "; ".join(filter(None, (why, not_finite(problem, names, instants, x))))
         if solution.status is Status.LOCALLY_INFEASIBLE or last is None:
             return replace(solution, detail=why)
         assert last.audit is not None

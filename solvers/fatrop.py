@@ -1,10 +1,10 @@
 """FATROP through CasADi: an interior-point method whose linear algebra is dense where an ``NLP`` has no stages.
 
 Vanroye, Sathya, De Schutter and Decre (2023), IROS. Good for few variables under many rows: it takes three quarters of
-IPOPT's time for the NLP of ``hybrid-spline`` (12 variables, 525 rows) and of ``rotor-353`` (3, 156), to a tolerance that
-is a hundred times coarser. It takes a bound b for b -+ 1e-8 max(1, |b|), whatever its options; here bounds are drawn in
-by as much. It neither takes multipliers of an earlier solve nor says which limits conflict, and Ctrl-C has to wait until
-it is done. (CasADi's ``sqpmethod`` with ``qrqp`` finds no feasible point of the first in 150 s.)
+IPOPT's time for the NLP of ``hybrid-spline`` (12 variables, 525 rows) and of ``rotor-353`` (3, 156), to a tolerance a
+hundred times coarser. It takes a bound b for b -+ 1e-8 max(1, |b|), whatever its options; here bounds are drawn in by
+as much. It neither takes multipliers of an earlier solve nor says which limits conflict, and Ctrl-C waits for its end.
+(CasADi's ``sqpmethod`` with ``qrqp`` finds no feasible point of the first in 150 s.)
 """
 
 from __future__ import annotations
@@ -63,9 +63,15 @@ class Fatrop:
         solver = nlp.compiled("fatrop", options)
         bounds = dict(zip(("lbx", "ubx"), _drawn_in(nlp.lower_x, nlp.upper_x), strict=True))
         bounds |= dict(zip(("lbg", "ubg"), _drawn_in(nlp.lower_g, nlp.upper_g), strict=True))
+        start = np.clip(x0, nlp.lower_x, nlp.upper_x)
+        if not _is_finite(solver, start):  # with which it would go on for ever
+            unknown = {"x": start, "f": np.nan, "g": np.full(len(nlp.rows), np.nan), "lam_x": np.zeros(len(start))}
+            unknown["lam_g"] = np.zeros(len(nlp.rows))
+            words = "FATROP: no finite value or derivative at the start"
+            return nlp.result(unknown, Status.FAILED, self.feasibility, 0, time.perf_counter() - begun, words)
         with stopping() as stop:
             stop.check()
-            found = solver(x0=np.clip(x0, nlp.lower_x, nlp.upper_x), **bounds)
+            found = solver(x0=start, **bounds)
             stats = solver.stats()
             if not stats["success"]:
                 stop.check()
@@ -76,6 +82,13 @@ class Fatrop:
             status = Status.ITERATION_LIMIT if iterations >= settings["max_iter"] else Status.FAILED
             words = "FATROP: no success"
         return nlp.result(found, status, self.feasibility, iterations, time.perf_counter() - begun, words)
+
+
+def _is_finite(solver: Any, x: Array) -> bool:
+    """Whether objective, rows and their first derivatives are finite at ``x (n,)``."""
+    parts = [solver.get_function(name)(x, []) for name in ("nlp_grad_f", "nlp_f", "nlp_jac_g")]
+    outputs = [part for found in parts for part in (found if isinstance(found, tuple) else (found,))]
+    return all(np.isfinite(np.array(output)).all() for output in outputs)
 
 
 def _drawn_in(lower: Array, upper: Array) -> tuple[Array, Array]:

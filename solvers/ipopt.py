@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
-from ocp_traj.formulation.rows import Conflict, Row
+from ocp_traj.formulation.rows import VARIABLE, Conflict, Row
 from ocp_traj.stopping import current, stopping
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
 
@@ -231,9 +231,7 @@ class Ipopt:
             multiplier = float(solution.bound_multipliers[i]) if solution.bound_multipliers is not None else 0.0
             if abs(multiplier) > 1e-4 and nlp.lower_x[i] < nlp.upper_x[i]:
                 bound = nlp.upper_x[i] if multiplier > 0 else nlp.lower_x[i]
-                found["variable", label] = Conflict(
-                    Row("variable", label, unit=nlp.units[i]), solution.x[i], bound, 0.0
-                )
+                found[VARIABLE, label] = Conflict(Row(VARIABLE, label, unit=nlp.units[i]), solution.x[i], bound, 0.0)
         return tuple(sorted(found.values(), key=lambda c: -c.excess / c.row.scale))
 
 

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from ocp_traj.results.solution import Solution
 
 DONE, NOT_PROVED, WRONG_INPUT = 0, 1, 2
+MOST = methods.MOST
 LONGEST_USAGE = 500  # of a message about options [characters]: our choice
 
 
@@ -126,9 +127,7 @@ def solve(
     option: Options = None,
     starts: Annotated[
         int | None,
-        typer.Option(
-            help="Random starts, the best counts; the problem's own number if not given.", min=1, max=methods.MOST
-        ),
+        typer.Option(help="Random starts, the best counts; the problem's own number if not given.", min=1, max=MOST),
     ] = None,
     all_optima: Annotated[bool, typer.Option(help="List every distinct local optimum that a start ends in.")] = False,
     certify: Annotated[
@@ -192,7 +191,7 @@ def pareto(
     option: Options = None,
     points: Annotated[
         int | None,
-        typer.Option(help="Points to trace, or of hmoga to refine; 40 if not given.", min=2, max=methods.MOST),
+        typer.Option(help="Points to trace, or of hmoga to refine; 40 if not given.", min=2, max=MOST),
     ] = None,
     set_: Fields = None,
     seed: Seed = 0,
@@ -282,7 +281,7 @@ def payload(
         float | None, typer.Option(metavar="S", help="Of all trajectories within this time [s].")
     ] = None,
     set_: Fields = None,
-    starts: Annotated[int, typer.Option(help="Random starts of the joint problem.", min=1, max=methods.MOST)] = 2,
+    starts: Annotated[int, typer.Option(help="Random starts of the joint problem.", min=1, max=MOST)] = 2,
     seed: Seed = 0,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Write the trajectory that carries it (JSON).")
@@ -362,9 +361,7 @@ def reproduce(
     problem: ProblemName,
     seeds: Annotated[
         int | None,
-        typer.Option(
-            help="Runs of stochastic methods; as many as the claims need if not given.", min=1, max=methods.MOST
-        ),
+        typer.Option(help="Runs of stochastic methods; as many as the claims need if not given.", min=1, max=MOST),
     ] = None,
     json: AsJson = False,
 ) -> None:

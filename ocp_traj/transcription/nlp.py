@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.errors import NoSolutionFound, ProblemDefinitionError
-from ocp_traj.formulation.rows import Conflict, Row
+from ocp_traj.formulation.rows import VARIABLE, Conflict, Row
 from ocp_traj.transcription.local_derivatives import Derivatives
 
 Array = NDArray[np.float64]
+
+MOST = 6  # limits that are missed, and bounds that are in the way, in a message: our choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,12 +208,16 @@ class NLPResult:
 
     def explain(self) -> str:
         """One line: how it ended and, where infeasible, the limits in conflict, worst first."""
-        worst = "; ".join(str(conflict) for conflict in self.conflicts[:6])
+        # A bound on a variable may be the cause of all that is missed: it is not to be crowded out.
+        missed = [conflict for conflict in self.conflicts if conflict.excess > 0.0]
+        held = [conflict for conflict in self.conflicts if conflict.excess <= 0.0]
+        held.sort(key=lambda conflict: conflict.row.limit != VARIABLE)
+        worst = "; ".join(str(conflict) for conflict in (*missed[:MOST], *held[:MOST]))
         if self.status is Status.INFEASIBLE and worst:
             return f"{self.name}: no trajectory meets these limits together: {worst}"
         if self.status is Status.LOCALLY_INFEASIBLE:
             tried = "the one start found no" if self.starts == 1 else f"none of {self.starts} starts found a"
-            missed = worst or f"its limits by {self.violation:.3g} of their scale"
-            return f"{self.name}: {tried} trajectory; the nearest misses {missed}"
+            words = worst or f"its limits by {self.violation:.3g} of their scale"
+            return f"{self.name}: {tried} trajectory; the nearest misses {words}"
         effort = f"after {self.iterations} iterations, violation {self.violation:.3g}"
         return f"{self.name}: {self.status.value} {effort} ({self.detail})"
