@@ -29,12 +29,12 @@ from ocp_traj.results.trajectory import Trajectory
 LIMIT = 3.0  # [s] of processor time from the signal to the end
 OPTIONS = {  # so that a command takes some 5 to 10 s
     "exchange": ["--starts", "6"],
-    "pso": ["--starts", "3", "--generations", "50"],
-    "ga": ["--starts", "2", "--generations", "15"],
+    "pso": ["--starts", "3", "--option", "generations=50"],
+    "ga": ["--starts", "2", "--option", "generations=15"],
     "trace": ["--points", "10"],
-    "nsga2": ["--generations", "80"],
-    "mopso": ["--generations", "50"],
-    "hmoga": ["--points", "5", "--generations", "25", "--population", "60"],
+    "nsga2": ["--option", "generations=80"],
+    "mopso": ["--option", "generations=50"],
+    "hmoga": ["--points", "5", "--option", "generations=25", "--option", "population=60"],
 }
 SOLVE, PARETO = ("exchange", "pso", "ga"), ("trace", "nsga2", "mopso", "hmoga")
 PROBLEMS = {"hybrid-spline": ("time", "time,energy"), "wrist-obstacle": ("time", "time,distance")}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,31 +20,23 @@ from ocp_traj.io.store import Run, request
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.alternatives import best_front
 from ocp_traj.results.front import Front
-from ocp_traj.results.pareto_set import ENDED_AFTER, FrontMethod, proved_front
+from ocp_traj.results.pareto_set import ENDED_AFTER, proved_front
 from ocp_traj.results.records import Found, Record, ignore
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.time_scaling import largest_excess
 from ocp_traj.results.trajectory import Trajectory, audit_points, case_fields
+from ocp_traj.solvers import methods
 from ocp_traj.solvers.branch_and_bound import BranchAndBound, is_certifiable, require_certifiable
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.solvers.front_tracer import FrontTracer
-from ocp_traj.solvers.ga import GA
-from ocp_traj.solvers.hmoga import HMOGA
-from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.multistart import Multistart, best_of
-from ocp_traj.solvers.nsga2 import NSGA2
 from ocp_traj.solvers.payload import OBJECTIVE as PAYLOAD_MASS
 from ocp_traj.solvers.payload import LargestPayload, along, static_bound, within
-from ocp_traj.solvers.pso import PSO
+from ocp_traj.solvers.protocols import FrontMethod
 from ocp_traj.stopping import current, stopping
 from ocp_traj.transcription.end_states import fixed_conflicts
 from ocp_traj.transcription.nlp import Status
 from ocp_traj.transcription.symbolic import evaluate_objectives
 
-FRONT_METHODS: dict[str, type[Any]] = {"trace": FrontTracer, "nsga2": NSGA2, "mopso": MOPSO, "hmoga": HMOGA}
-METHODS = tuple(FRONT_METHODS)
-POPULATION_METHODS: dict[str, type[Any]] = {"pso": PSO, "ga": GA}
-SOLVE_METHODS = ("exchange", *POPULATION_METHODS)
 MOST_DURATIONS = 4  # branch and bound by default up to here: its boxes multiply with every duration; our choice
 OPTIMA_STARTS = 30  # random starts when all local optima are asked for: our choice
 
@@ -88,7 +80,7 @@ def solve(
         certify: whether to prove global optimality by branch and bound, and to look for a better optimum where that
             fails; by default where it applies, which is to what exchange finds for the shortest time of few durations.
         progress: told how far it is.
-        options: fields of the class of ``pso`` or ``ga``, such as ``population``.
+        options: fields of the method's class, such as ``population`` of ``pso`` and ``ga``.
 
     Returns:
         The best solution, with trajectory, objectives and audit; one that is infeasible, or locally so from every
@@ -116,8 +108,7 @@ def _solve(
         starts = max(problem.tuning.starts, OPTIMA_STARTS if all_optima else 1)
     if starts < 1:
         raise InputError(f"starts is {starts}; give one or more")
-    if method not in SOLVE_METHODS:
-        raise InputError(f"there is no method {quoted(method)}; methods are {', '.join(SOLVE_METHODS)}")
+    methods.method_class(methods.SOLVE, method)
     scalar = scalarisation(problem, objective, weights)
     if certify:
         require_certifiable(problem, scalar)
@@ -155,14 +146,14 @@ def _solve(
         )  # fmt: skip
     if problem.decomposition is not None:
         return _by_parts(problem, problem.decomposition, objective, weights, method, starts, seed, solver, **options)
-    if method in POPULATION_METHODS:
+    if method != "exchange":
         found = _population(problem, scalar, method, starts, seed, progress, **options)
     else:
-        if options:
-            raise InputError(f"exchange has no options {', '.join(options)}; they belong to a population's method")
-        one_start = solver or Exchange(progress=progress if starts == 1 else silent)
-        told = progress if starts > 1 else silent
-        found = Multistart(one_start, starts, seed, all_optima, told).solve(problem, scalar)
+        if solver is not None and options:
+            raise InputError(f"give a solver or its options ({', '.join(options)}), not both")
+        each, all_ = (progress, silent) if starts == 1 else (silent, progress)
+        one_start = solver or methods.configured(methods.SOLVE, method, progress=each, **options)
+        found = Multistart(one_start, starts, seed, all_optima, all_).solve(problem, scalar)
     proved = found.audit is not None and found.audit.proved
     default = method == "exchange" and problem.size <= MOST_DURATIONS and is_certifiable(problem, scalar)
     wanted = default if certify is None else certify
@@ -178,7 +169,7 @@ def _population(
     problem: Problem, scalar: Scalarisation, method: str, runs: int, seed: int, progress: Progress, **options: Any
 ) -> Solution:
     """The best of some runs of a population, with seeds ``seed``, ``seed + 1``, .."""
-    chosen = configured(POPULATION_METHODS, method, seed=seed, progress=progress, **options)
+    chosen = methods.configured(methods.SOLVE, method, seed=seed, progress=progress, **options)
     found: list[Solution] = []
     failure: NoSolutionFound | None = None
     stop = current()
@@ -243,17 +234,6 @@ def _by_parts(
     )
 
 
-def configured(table: Mapping[str, type[Any]], method: str, **options: Any) -> Any:
-    """A method's object; options it does not have are refused."""
-    if method not in table:
-        raise InputError(f"there is no method {quoted(method)}; methods are {', '.join(table)}")
-    known = [f.name for f in fields(table[method])]
-    for name in options:
-        if name not in known:
-            raise InputError(f"{method} has no option {quoted(name)}; its options are {', '.join(known)}")
-    return table[method](**options)
-
-
 @one_blas_thread
 def pareto(
     problem: Problem,
@@ -274,7 +254,7 @@ def pareto(
     Args:
         problem: from ``ocp_traj.problems.load``.
         objectives: two or more ids.
-        method: one of ``METHODS``.
+        method: one of ``solvers.methods.FRONT``.
         seed: of everything random.
         budget: stop after this time [s] with what is there; to prove that takes a little longer.
         keep_unproved: whether points stay that are not proved, even slowed down.
@@ -339,7 +319,9 @@ def _pareto(
             },
             budget,
         )  # fmt: skip
-    chosen: FrontMethod = configured(FRONT_METHODS, method, seed=seed, progress=progress, found=found, **options)
+    chosen: FrontMethod = methods.configured(
+        methods.FRONT, method, seed=seed, progress=progress, found=found, **options
+    )
     conflicts = fixed_conflicts(problem)
     if conflicts:
         raise NoSolutionFound(

@@ -13,7 +13,6 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
-import casadi
 import threadpoolctl
 
 
@@ -41,7 +40,7 @@ threadpoolctl.register(_OfCasadi)
 @cache
 def _controller() -> Any:
     """Of the libraries that are loaded; to look for them takes some 10 ms, so it is done once."""
-    casadi.has_nlpsol("ipopt")  # loads IPOPT, and its BLAS with it
+    import_module("casadi").has_nlpsol("ipopt")  # loads IPOPT, and its BLAS with it
     import_module("scipy.linalg")
     return threadpoolctl.ThreadpoolController()
 

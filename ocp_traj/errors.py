@@ -1,5 +1,8 @@
 """Errors of the library: each says what was given, what is allowed, and what to do."""
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 LONGEST, MOST_NAMES = 80, 300  # of a value, and of a list of names, in a message [characters]: our choice
 
 
@@ -14,6 +17,12 @@ def cut(text: str, most: int = LONGEST) -> str:
         return text
     half = most // 2
     return f"{text[:half]} .. {text[-half:]} ({len(text)} characters)"
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The known name that is most like a wrong one, as a message goes on to say; nothing where none is like it."""
+    found = get_close_matches(name, known, 1)
+    return f" (nearest is {found[0]!r})" if found else ""
 
 
 class OcpTrajError(Exception):

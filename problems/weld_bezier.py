@@ -28,7 +28,6 @@ from typing import Any
 import casadi
 import numpy as np
 import pandas as pd
-from casadi import sumsqr
 from numpy.typing import ArrayLike
 
 from ocp_traj.arrays import Array
@@ -40,6 +39,7 @@ from ocp_traj.formulation.case import Checked, choice, number, numbers
 from ocp_traj.formulation.objective import Objective, gauss
 from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.formulation.requirements import DurationConstraint, PathConstraint, PointConstraint, Requirements
+from ocp_traj.formulation.summary import Summary
 from ocp_traj.formulation.tags import Tags
 from ocp_traj.formulation.tuning import Tuning, chebyshev
 from ocp_traj.paths.polyline_seam import PolylineSeam
@@ -52,6 +52,12 @@ from ocp_traj.problems.weld_start import Start, find_start, least_time
 from ocp_traj.robot.robot import Robot
 
 UNITS = ("rad",) * 6
+REFERENCE = "Ogbemhe, Mpofu and Tlale (2019), IEEE Access"
+SUMMARY = Summary(  # of the seam, whose start takes seconds to find
+    "weld-bezier", "KUKA KR90 stand-in, nonic Bezier segments, a tubular seam",
+    "KR90 R3100 extra HA (stand-in), 6 joints", "nonic Bezier, approach, 8 pieces of the seam, retract", 272,
+    ("air_time", "effort", "dynamic_effort", "movement", "jerk", "snap", "total"), REFERENCE,
+)  # fmt: skip
 PRINTED_EFFORT = 35_000.0  # [N m], every joint: the paper's
 # Rest, via, rest: our choice.
 AIR_MOVE = pd.DataFrame(columns=[f"{joint} [deg]" for joint in JOINTS], data=(
@@ -165,16 +171,16 @@ def _objectives(case: Ogbemhe2019, machine: Robot) -> tuple[Objective, ...]:
     floating = kr90.robot(case.payload, riser=case.riser, gravity=0.0)
 
     def strain(robot: Robot) -> Any:
-        return lambda s: sumsqr(kr90.torque(robot, s.q, s.v, s.a) / strength)
+        return lambda s: casadi.sumsqr(kr90.torque(robot, s.q, s.v, s.a) / strength)
 
     parts = dict(zip(("air_time", "effort", "movement", "snap"), case.weights, strict=True))
     return (
         Objective("air_time", "s", 1.0, eq="sect. I", of_variables=lambda x, p: x[-2] + x[-1]),
         Objective("effort", "s", 1.0, "min", "(1)", strain(machine), gauss(6)),
         Objective("dynamic_effort", "s", 1.0, "min", "our choice", strain(floating), gauss(6)),
-        Objective("movement", "rad2/s", 1.0, "min", "sect. III-A", lambda s: sumsqr(s.v), gauss(9)),
-        Objective("jerk", "rad2/s5", 1.0, "min", "sect. VII", lambda s: sumsqr(s.jerk), gauss(7)),
-        Objective("snap", "rad2/s7", 1.0, "min", "sect. VII", lambda s: sumsqr(s.snap), gauss(6)),
+        Objective("movement", "rad2/s", 1.0, "min", "sect. III-A", lambda s: casadi.sumsqr(s.v), gauss(9)),
+        Objective("jerk", "rad2/s5", 1.0, "min", "sect. VII", lambda s: casadi.sumsqr(s.jerk), gauss(7)),
+        Objective("snap", "rad2/s7", 1.0, "min", "sect. VII", lambda s: casadi.sumsqr(s.snap), gauss(6)),
         Objective("total", "-", 1.0, eq="our choice", terms=parts),
     )
 
@@ -224,7 +230,7 @@ def _about(case: Ogbemhe2019, words: str, curve_kind: str, **more: Any) -> About
     if case.as_printed:
         notes.append(f"torque limit {PRINTED_EFFORT:g} N m on every joint, as printed: it never binds")
     title = f"KUKA KR90 stand-in, nonic Bezier segments, {words}"
-    return About(title, "Ogbemhe, Mpofu and Tlale (2019), IEEE Access", curve_kind, tuple(notes), **more)
+    return About(title, REFERENCE, curve_kind, tuple(notes), **more)
 
 
 def _weld(case: Ogbemhe2019) -> Problem:
@@ -247,9 +253,9 @@ def _weld(case: Ogbemhe2019) -> Problem:
             regularisation={"movement": 1e-3, "snap": 1e-4},
             # The torch's spin leaves valleys that bend: short steps down them, made longer soon, and a barrier that is
             # low from the start; the optimum of "total" lies in the middle of a valley.
-            solver_options={
+            solver_options={"ipopt": {
                 "tol": 1e-4, "mu_target": 1e-4, "mu_init": 1e-3, "perturb_dec_fact": 0.1, "constr_viol_tol": 1e-9,
-            },
+            }},
             warm_start_objective="total",
         ),
         about=_about(
@@ -264,15 +270,13 @@ def _air_move(case: Ogbemhe2019) -> Problem:
     machine, points = robot(case), via_points(case)
     least = np.array([least_time(at_rest(a), at_rest(b), case) for a, b in pairwise(points)])
     tags = Tags({"via": points[1]}, machine.limits, JOINTS, float(least.mean()), case.rest_at_tags)
-    via = standard.via_points(points[1], ((1, 0.0),), JOINTS, UNITS, "our choice")
-    if case.rest_at_tags:
-        via = _rest("via", points[1], (1, 0.0))
+    passed = standard.via_points(points[1], ((1, 0.0),), JOINTS, UNITS, "our choice")
+    via = _rest("via", points[1], (1, 0.0)) if case.rest_at_tags else passed
     return _problem(
         case, machine, tags, ("T1", "T2"),
         lambda rng: np.concatenate([0.05 * rng.normal(size=tags.size), least * rng.uniform(1.0, 1.5, 2)]), (via,),
         reference_point={"air_time": 9.0, "dynamic_effort": 0.05, "effort": 2.0, "movement": 2.0},
         dilate=tags.dilate,
-        # Our choice: Coulomb friction makes many local optima of dynamic effort.
-        tuning=Tuning(starts=3),
+        tuning=Tuning(starts=3),  # our choice: Coulomb friction makes many local optima of dynamic effort
         about=_about(case, "an air move through a via point", "nonic Bezier, 2 segments"),
     )  # fmt: skip

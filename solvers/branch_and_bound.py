@@ -45,6 +45,7 @@ from ocp_traj.proof.values import limit_on
 from ocp_traj.results.solution import Certificate, Solution
 from ocp_traj.results.trajectory import Trajectory, trajectory_of
 from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.protocols import LocalSolver
 from ocp_traj.stopping import STOPS, Stopping, stopping
 from ocp_traj.transcription.symbolic import variables_function
 
@@ -74,7 +75,7 @@ class BranchAndBound:
     tolerance: float = 1e-6
     max_boxes: int = 200_000
     max_seconds: float = 60.0
-    solver: Exchange = Exchange()
+    solver: LocalSolver = Exchange()
     progress: Progress = silent
 
     def __post_init__(self) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.blas import one_blas_thread
+from ocp_traj.formulation import case
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint
 from ocp_traj.formulation.rows import Row
@@ -27,6 +28,8 @@ from ocp_traj.results.solution import Solution
 from ocp_traj.results.time_scaling import largest_excess, slow_down
 from ocp_traj.results.trajectory import audit_points, trajectory_of
 from ocp_traj.solvers.ipopt import Ipopt
+from ocp_traj.solvers.protocols import NLPSolver
+from ocp_traj.transcription.finite import not_finite
 from ocp_traj.transcription.instants import Instant, along, few_instants, frozen, where
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
 from ocp_traj.transcription.symbolic import evaluate_objectives, motion_of, variations
@@ -61,13 +64,17 @@ class Exchange:
         progress: told of each round.
     """
 
-    solver: Ipopt = field(default_factory=Ipopt)
-    max_exchanges: int | None = None
-    back_off: float = BACK_OFF
+    solver: NLPSolver = field(default_factory=Ipopt)
+    max_exchanges: int | None = case.count(None)
+    back_off: float = case.number(BACK_OFF)
     repair: bool = True
     first: Sequence[Instant] | None = None
     prove: bool = True
     progress: Progress = silent
+
+    def __post_init__(self) -> None:
+        """Checks the numbers."""
+        case.check(self)
 
     def opening(self, problem: Problem, scalarisation: Scalarisation) -> NLP:
         """The NLP of the first round."""
@@ -139,11 +146,11 @@ class Exchange:
             nlp = transcribe(problem, scalarisation, instants, back_off)
             start = nlp.start(x)
             follows = any(instant.moves for instant in instants)
-            limit = min(self.solver.max_iter, WARM_ITERATIONS) if follows else self.solver.max_iter
             if number == 1 and opened is not None:
                 result = opened
             else:
-                result = replace(self.solver, max_iter=limit).solve(nlp, start, warm)
+                solver = self.solver.limited(WARM_ITERATIONS) if follows else self.solver
+                result = solver.solve(nlp, start, warm)
             iterations += result.iterations
             if result.status is not Status.SOLVED and (follows or warm is not None):
                 # Multipliers, or an instant that races along a flat peak, can mislead: once more without either.
@@ -164,7 +171,7 @@ class Exchange:
                 if solution.audit is None or solution.audit.proved:
                     proved.append(solution)
                 else:
-                    excess = largest_excess(problem, solution.audit)
+                    excess, peaks = largest_excess(problem, solution.audit), _unproved(problem, solution)
             self.progress(
                 number, most, f"{len(nlp.rows)} rows, {'proved' if excess <= 0.0 else f'excess {excess:.2g}'}"
             )
@@ -192,6 +199,9 @@ class Exchange:
             why = f"all {most} rounds are used up, {gain}" if most > 1 else "the one round is used up"
         else:
             why = f"round {number} of {most} found no point: {solution.status.value}, {solution.detail}"
+            if solution.status is Status.FAILED:
+                names = (*scalarisation.names, *problem.tuning.regularisation)
+                why = "; ".join(filter(None, (why, not_finite(problem, names, instants, x))))
         if solution.status is Status.LOCALLY_INFEASIBLE or last is None:
             return replace(solution, detail=why)
         assert last.audit is not None
@@ -203,6 +213,19 @@ class Exchange:
             seconds=time.perf_counter() - begun,
             detail=f"{why}; {off} at t = {row.instant:.6g} s; its last solve ended with {last.detail}",
         )
+
+
+def _unproved(problem: Problem, solution: Solution) -> list[Instant]:
+    """Instants where a proof failed though a scan has found no limit broken: they stay where they are."""
+    assert solution.audit is not None and solution.trajectory is not None
+    limits = {limit.id: limit for limit in problem.requirements.path_constraints}
+    knots, found = solution.trajectory.curve.knots, []
+    for row in (row for row in solution.audit.failures if row.limit in limits):
+        k = int(np.clip(np.searchsorted(knots, row.instant, side="right") - 1, 0, len(knots) - 2))
+        u = float(np.clip((row.instant - knots[k]) / (knots[k + 1] - knots[k]), 0.0, 1.0))
+        rows = (limits[row.limit].labels.index(row.label),)
+        found.append(Instant(row.limit, k, u, rows, sweep=row.sweep or 0.0))
+    return found
 
 
 def _mended(

@@ -24,6 +24,7 @@ from pymoo.util.ref_dirs import get_reference_directions
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.evolution.population import Population
+from ocp_traj.formulation.case import check, count
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation
 from ocp_traj.progress import Progress, silent
@@ -63,9 +64,9 @@ class FrontTracer:
         found: given a record of each solve.
     """
 
-    points: int = 40
+    points: int = count(40, least=2)
     solver: Exchange = field(default_factory=Exchange)
-    starts: int = 2
+    starts: int = count(2)
     seed: int = 0
     max_seconds: float = np.inf
     progress: Progress = silent
@@ -73,8 +74,7 @@ class FrontTracer:
 
     def __post_init__(self) -> None:
         """Checks the number of points."""
-        if self.points < 2:
-            raise InputError(f"a front needs at least 2 points; got {self.points}")
+        check(self)
 
     @one_blas_thread
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:

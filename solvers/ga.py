@@ -18,8 +18,8 @@ from pymoo.operators.crossover.pntx import SinglePointCrossover
 from pymoo.operators.selection.tournament import TournamentSelection
 
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.errors import InputError, quoted
-from ocp_traj.evolution.evolution import Evolution, PymooProblem, evolve, require_sizes, single_objective, solution_of
+from ocp_traj.evolution.evolution import Evolution, PymooProblem, evolve, single_objective, solution_of
+from ocp_traj.formulation.case import check, choice, count, share
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.progress import Progress, silent
@@ -69,22 +69,20 @@ class GA:
     """
 
     seed: int = 0
-    population: int = 200
-    generations: int = 80
-    tournament: int = 5
-    crossover: float = 0.8
-    mutation: float = 0.05
-    handling: str = "feasibility"
+    population: int = count(200, least=4)
+    generations: int = count(80)
+    tournament: int = count(5)
+    crossover: float = share(0.8)
+    mutation: float = share(0.05)
+    handling: str = choice("feasibility", ("feasibility", "death"))
     scaling: bool = False
-    per_segment: int = 31
+    per_segment: int = count(31, least=2)
     max_seconds: float = np.inf
     progress: Progress = silent
 
     def __post_init__(self) -> None:
         """Checks the numbers and names."""
-        require_sizes(self.population, self.generations)
-        if self.handling not in ("feasibility", "death"):
-            raise InputError(f"constraint handling is {quoted(self.handling)}; allowed for ga are feasibility, death")
+        check(self)
 
     @one_blas_thread
     def run(self, problem: Problem, name: str) -> tuple[Evolution, PymooProblem]:

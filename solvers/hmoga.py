@@ -31,8 +31,9 @@ from pymoo.operators.mutation.pm import PM
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 from ocp_traj.evolution.elitism import ControlledElitism
-from ocp_traj.evolution.evolution import WORST, PymooProblem, ended_after, evolve, require_sizes
+from ocp_traj.evolution.evolution import WORST, PymooProblem, ended_after, evolve
 from ocp_traj.evolution.generations import Watch
+from ocp_traj.formulation.case import check, count, number, share
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet
@@ -79,37 +80,28 @@ class HMOGA:
     """
 
     seed: int
-    points: int = 40
-    population: int = 200
-    generations: int = 500
-    crossover: float = 0.8
-    mutation: float | None = None
-    crossover_index: float = 15.0
-    mutation_index: float = 20.0
-    pareto_fraction: float = 0.35
-    stall: int = 500
-    function_tolerance: float = 1e-6
-    constraint_tolerance: float = 1e-6
-    seeded: float = 0.5
-    starts: int = 2
+    points: int = count(40, least=2)
+    population: int = count(200, least=4)
+    generations: int = count(500)
+    crossover: float = share(0.8)
+    mutation: float | None = share(None)
+    crossover_index: float = number(15.0, least=0.0)
+    mutation_index: float = number(20.0, least=0.0)
+    pareto_fraction: float = number(0.35, above=0.0, most=1.0)
+    stall: int = count(500)
+    function_tolerance: float = number(1e-6, least=0.0)
+    constraint_tolerance: float = number(1e-6, least=0.0)
+    seeded: float = share(0.5)
+    starts: int = count(2)
     solver: Exchange = field(default_factory=Exchange)
-    per_segment: int = 5
+    per_segment: int = count(5, least=2)
     max_seconds: float = np.inf
     progress: Progress = silent
     found: Found = ignore
 
     def __post_init__(self) -> None:
         """Checks the numbers."""
-        require_sizes(self.population, self.generations)
-        if not 0.0 < self.pareto_fraction <= 1.0:
-            raise InputError(f"the Pareto fraction is {self.pareto_fraction}; give a number above 0, at most 1")
-        if not 0.0 <= self.seeded <= 1.0:
-            raise InputError(f"the seeded share is {self.seeded}; give a number from 0 to 1")
-        if self.points < 2 or self.stall < 1:
-            raise InputError(
-                f"hmoga refines 2 or more points and averages over 1 or more generations; got {self.points} points, "
-                f"a stall of {self.stall}"
-            )
+        check(self)
 
     @one_blas_thread
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:

@@ -7,7 +7,7 @@ Waechter and Biegler (2006), Mathematical Programming 106(1). Of the linear solv
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
-from ocp_traj.formulation.rows import Conflict, Row
+from ocp_traj.formulation.rows import VARIABLE, Conflict, Row
+from ocp_traj.solvers.nlpsol import numeric_solver, raise_failures
 from ocp_traj.stopping import current, stopping
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
-from ocp_traj.transcription.program import ElasticProgram, Program
+from ocp_traj.transcription.program import ElasticProgram
 
 Array = NDArray[np.float64]
 
@@ -51,7 +52,8 @@ _STATUS = {
     "Internal_Error": Status.FAILED,
 }
 
-_STOPPED = (Status.LOCALLY_INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT)  # perhaps at a feasible point
+# Our choice; IPOPT's own are 0.1, 0.01 and 0.01.
+_NARROW = {"mu_init": 1e-6, "bound_push": 1e-8, "bound_frac": 1e-8}
 
 
 class _AfterIteration(casadi.Callback):
@@ -75,83 +77,6 @@ class _AfterIteration(casadi.Callback):
 
 
 _AFTER_ITERATION = _AfterIteration()  # CasADi does not keep it alive
-
-
-class _Evaluation(casadi.Callback):
-    """A function of an NLP's numbers as CasADi's ``nlpsol`` takes it.
-
-    Args:
-        name: of the function, as CasADi knows it.
-        inputs, outputs: (name, sparsity) each.
-        evaluate: arrays -> one array an output.
-    """
-
-    def __init__(
-        self, name: str, inputs: Sequence[tuple[str, Any]], outputs: Sequence[tuple[str, Any]],
-        evaluate: Callable[..., Sequence[Any]],
-    ) -> None:  # fmt: skip
-        casadi.Callback.__init__(self)
-        self._inputs, self._outputs, self._evaluate = inputs, outputs, evaluate
-        self.failure: BaseException | None = None
-        self.construct(name, {})
-
-    def get_n_in(self) -> int:
-        return len(self._inputs)
-
-    def get_n_out(self) -> int:
-        return len(self._outputs)
-
-    def get_name_in(self, i: int) -> str:
-        return self._inputs[i][0]
-
-    def get_name_out(self, i: int) -> str:
-        return self._outputs[i][0]
-
-    def get_sparsity_in(self, i: int) -> Any:
-        return self._inputs[i][1]
-
-    def get_sparsity_out(self, i: int) -> Any:
-        return self._outputs[i][1]
-
-    def has_eval_buffer(self) -> bool:
-        return True
-
-    def eval_buffer(self, given: Sequence[Any], wanted: Sequence[Any]) -> int:
-        """Evaluates on CasADi's own memory; a step that leads to no number is IPOPT's to shorten."""
-        try:
-            arguments = [np.frombuffer(a) if a is not None and len(a) else np.zeros(0) for a in given]
-            with np.errstate(all="ignore"):
-                found = self._evaluate(*arguments)
-            for memory, values in zip(wanted, found, strict=True):
-                if memory is not None and len(memory):
-                    np.frombuffer(memory)[:] = values
-        except Exception as failure:  # CasADi would take it for a point without values
-            self.failure = failure
-            return 1
-        return 0
-
-
-def _evaluations(program: Program) -> tuple[_Evaluation, ...]:
-    """F and g, grad f, dg/dx and the Hessian of the Lagrangian, as ``nlpsol`` asks for them."""
-    dense = casadi.Sparsity.dense
-    n, m = program.size, program.rows
-    x = [("x", dense(n, 1)), ("p", dense(0, 1))]
-    multipliers = [("lam_f", dense(1, 1)), ("lam_g", dense(m, 1))]
-    f, g = ("f", dense(1, 1)), ("g", dense(m, 1))
-    return (
-        _Evaluation("nlp", x, [f, g], lambda x, p: program.values(x)),
-        _Evaluation(
-            "nlp_grad_f", x, [f, ("grad_f_x", dense(n, 1))], lambda x, p: (program.values(x)[0], program.gradient(x))
-        ),
-        _Evaluation(
-            "nlp_jac_g", x, [g, ("jac_g_x", program.jacobian_sparsity)],
-            lambda x, p: (program.values(x)[1], program.jacobian(x)),
-        ),
-        _Evaluation(
-            "nlp_hess_l", [*x, *multipliers], [("triu_hess_gamma_x_x", program.hessian_sparsity)],
-            lambda x, p, factor, weights: (program.hessian(x, float(factor[0]), weights),),
-        ),
-    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -178,6 +103,14 @@ class Ipopt:
         """Checks the linear solver."""
         if self.linear_solver not in LINEAR_SOLVERS:
             raise InputError(f"linear solver {self.linear_solver!r}; allowed are {', '.join(LINEAR_SOLVERS)}")
+
+    def limited(self, iterations: int) -> Ipopt:
+        """The same with at most so many iterations."""
+        return replace(self, max_iter=min(self.max_iter, iterations))
+
+    def near_start(self) -> Ipopt:
+        """The same with a narrow barrier, which ends in an optimum near its start; the usual one leads across."""
+        return replace(self, options={**_NARROW, **self.options})
 
     @one_blas_thread
     def solve(self, nlp: NLP, x0: Array, warm: NLPResult | None = None) -> NLPResult:
@@ -237,46 +170,20 @@ class Ipopt:
             "error_on_fail": False,
             "show_eval_warnings": False,  # of steps that lead to no number: IPOPT takes shorter ones
             "iteration_callback": _AFTER_ITERATION,
-            "ipopt": self._settings(bool(multipliers), nlp.options),
+            "ipopt": self._settings(bool(multipliers), nlp.options.get("ipopt", {})),
         }
-        known, solver, evaluations = nlp.memory.get("solver", (None, None, ()))
-        if known != options:
-            evaluations = _evaluations(nlp.program)
-            values, gradient, jacobian, hessian = evaluations
-            derivatives = {"grad_f": gradient, "jac_g": jacobian, "hess_lag": hessian, "no_nlp_grad": True}
-            solver = casadi.nlpsol("solver", "ipopt", values, options | derivatives)
-            nlp.memory["solver"] = options, solver, evaluations
+        solver, evaluations = numeric_solver(nlp, "ipopt", options)
         bounds = {"lbx": nlp.lower_x, "ubx": nlp.upper_x, "lbg": nlp.lower_g, "ubg": nlp.upper_g}
         with stopping() as stop:
             stop.check()
             result = solver(x0=x0, **bounds, **multipliers)
             stats = solver.stats()
-            for evaluation in evaluations:
-                if evaluation.failure is not None:
-                    raise evaluation.failure
+            raise_failures(evaluations)
             if not _STATUS.get(stats["return_status"], Status.FAILED).ok:
                 stop.check()  # what ended well is kept, even if time is over
-        x, g, lam_g, lam_x = (np.array(result[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
-        violation = nlp.violation(x, g)
-        status = _STATUS.get(stats["return_status"], Status.FAILED)
-        if status.ok and not violation <= self.feasibility:
-            status = Status.FAILED
-        elif status in _STOPPED and violation <= self.feasibility:
-            status = Status.FEASIBLE
-        return NLPResult(
-            name=nlp.name,
-            x=x,
-            f=float(result["f"]),
-            status=status,
-            violation=violation,
-            iterations=int(stats.get("iter_count", 0)),
-            seconds=time.perf_counter() - begun,
-            multipliers=dict(zip(nlp.rows, lam_g.tolist(), strict=True)),
-            bound_multipliers=lam_x,
-            slacks=dict(zip(nlp.rows, np.minimum(g - nlp.lower_g, nlp.upper_g - g).tolist(), strict=True)),
-            row_count=len(nlp.rows),
-            detail=f"IPOPT: {stats['return_status']}",
-        )
+        said, iterations = stats["return_status"], int(stats.get("iter_count", 0))
+        status, seconds = _STATUS.get(said, Status.FAILED), time.perf_counter() - begun
+        return nlp.result(result, status, self.feasibility, iterations, seconds, f"IPOPT: {said}")
 
     def conflicts(self, nlp: NLP, x0: Array) -> tuple[Conflict, ...]:
         """The limits that do not hold together, from the elastic problem: least sum of excesses over the bounds.
@@ -321,9 +228,7 @@ class Ipopt:
             multiplier = float(solution.bound_multipliers[i]) if solution.bound_multipliers is not None else 0.0
             if abs(multiplier) > 1e-4 and nlp.lower_x[i] < nlp.upper_x[i]:
                 bound = nlp.upper_x[i] if multiplier > 0 else nlp.lower_x[i]
-                found["variable", label] = Conflict(
-                    Row("variable", label, unit=nlp.units[i]), solution.x[i], bound, 0.0
-                )
+                found[VARIABLE, label] = Conflict(Row(VARIABLE, label, unit=nlp.units[i]), solution.x[i], bound, 0.0)
         return tuple(sorted(found.values(), key=lambda c: -c.excess / c.row.scale))
 
 

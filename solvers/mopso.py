@@ -17,8 +17,8 @@ from pymoo.algorithms.moo.mopso_cd import MOPSO_CD
 from pymoo.core.sampling import Sampling
 
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.errors import InputError
-from ocp_traj.evolution.evolution import PymooProblem, evolve, front_of, require_sizes
+from ocp_traj.evolution.evolution import PymooProblem, evolve, front_of
+from ocp_traj.formulation.case import check, choice, count
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.pareto_set import ParetoSet
@@ -49,9 +49,6 @@ class _Competitive(CMOPSO):  # type: ignore[misc]  # pymoo is untyped
         )
 
 
-VARIANTS = ("competitive", "crowding")
-
-
 @dataclass(frozen=True)
 class MOPSO:
     """A multi-objective swarm on a problem's decision variables.
@@ -68,20 +65,18 @@ class MOPSO:
     """
 
     seed: int
-    population: int = 100
-    generations: int = 200
-    variant: str = "competitive"
-    archive: int = 100
-    per_segment: int = 5
+    population: int = count(100, least=4)
+    generations: int = count(200)
+    variant: str = choice("competitive", ("competitive", "crowding"))
+    archive: int = count(100)
+    per_segment: int = count(5, least=2)
     max_seconds: float = np.inf
     progress: Progress = silent
     found: Found = ignore
 
     def __post_init__(self) -> None:
         """Checks the numbers and names."""
-        require_sizes(self.population, self.generations)
-        if self.variant not in VARIANTS:
-            raise InputError(f"there is no variant {self.variant!r} of mopso; variants are {', '.join(VARIANTS)}")
+        check(self)
 
     @one_blas_thread
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:

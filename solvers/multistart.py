@@ -24,7 +24,6 @@ Array = NDArray[np.float64]
 _Pair = tuple[NLPResult, Solution]  # of a first NLP, and what it led to
 
 SOLVES = 2  # of each start when all optima are wanted
-NARROW = {"mu_init": 1e-6, "bound_push": 1e-8, "bound_frac": 1e-8}  # our choice: IPOPT's own are 0.1, 0.01, 0.01
 ROUNDS = 40  # at least: along a flat valley steps are short; our choice
 ONE_POINT = 1e-6  # of the variables' size: our choice, far above the solver's tolerance
 
@@ -40,7 +39,7 @@ class Multistart:
         starts: how many.
         seed: of the starting points.
         all_optima: whether the solution lists every distinct local optimum. Each start is then solved twice: as usual,
-            where the barrier leads across to deep optima, and with a narrow barrier, which ends in one nearby. The
+            which leads across to deep optima, and with a solver that ends in one nearby. The
             first NLP is built once, and where it leads to one point what follows is shared: hundreds of starts are
             affordable.
         progress: told after each start.
@@ -117,8 +116,8 @@ class Multistart:
         ``pairs`` collects what each first NLP has led to.
         """
         usual = self.solver
-        close = replace(usual.solver, options={**NARROW, **usual.solver.options})
-        narrow = replace(usual, solver=close, max_exchanges=max(ROUNDS, usual.exchanges(problem)))
+        rounds = max(ROUNDS, usual.exchanges(problem))
+        narrow = replace(usual, solver=usual.solver.near_start(), max_exchanges=rounds)
         nlps: list[tuple[Exchange, NLP, list[_Pair]]] = [
             (solver, solver.opening(problem, scalarisation), []) for solver in (usual, narrow)
         ]

@@ -15,7 +15,8 @@ from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.pm import PM
 
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.evolution.evolution import PymooProblem, evolve, front_of, require_sizes
+from ocp_traj.evolution.evolution import PymooProblem, evolve, front_of
+from ocp_traj.formulation.case import check, count, number, share
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.pareto_set import ParetoSet
@@ -38,20 +39,20 @@ class NSGA2:
     """
 
     seed: int
-    population: int = 100
-    generations: int = 200
-    crossover: float = 0.9
-    mutation: float = 0.1
-    crossover_index: float = 10.0
-    mutation_index: float = 100.0
-    per_segment: int = 5
+    population: int = count(100, least=4)
+    generations: int = count(200)
+    crossover: float = share(0.9)
+    mutation: float = share(0.1)
+    crossover_index: float = number(10.0, least=0.0)
+    mutation_index: float = number(100.0, least=0.0)
+    per_segment: int = count(5, least=2)
     max_seconds: float = np.inf
     progress: Progress = silent
     found: Found = ignore
 
     def __post_init__(self) -> None:
         """Checks the numbers."""
-        require_sizes(self.population, self.generations)
+        check(self)
 
     @one_blas_thread
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:

@@ -23,6 +23,7 @@ from ocp_traj.proof.verdicts import Audit
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.trajectory import Trajectory
 from ocp_traj.solvers.multistart import Multistart
+from ocp_traj.solvers.protocols import ProblemSolver
 from ocp_traj.stopping import current
 from ocp_traj.transcription.end_states import fixed_values
 
@@ -167,7 +168,7 @@ def _carrying(problem: Problem, trajectory: Trajectory, mass: float) -> Trajecto
 
 
 @one_blas_thread
-def within(problem: Problem, max_time: float, solver: Multistart | None = None) -> LargestPayload:
+def within(problem: Problem, max_time: float, solver: ProblemSolver | None = None) -> LargestPayload:
     """The largest payload of all trajectories that take at most ``max_time`` [s]: mass and intervals chosen together.
 
     Args:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from pymoo.algorithms.soo.nonconvex.pso import PSO as PymooPSO
 
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.errors import InputError, quoted
-from ocp_traj.evolution.evolution import Evolution, PymooProblem, evolve, require_sizes, single_objective, solution_of
+from ocp_traj.evolution.evolution import Evolution, PymooProblem, evolve, single_objective, solution_of
+from ocp_traj.formulation.case import check, choice, count, number, share
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.progress import Progress, silent
@@ -87,25 +87,19 @@ class PSO:
     """
 
     seed: int = 0
-    population: int = 30
-    generations: int = 200
-    schedule: str = "repaired"
-    handling: str = "feasibility"
-    weight: float = 1e3
-    max_velocity: float = 0.2
-    per_segment: int = 31
+    population: int = count(30, least=2)
+    generations: int = count(200)
+    schedule: str = choice("repaired", tuple(SCHEDULES))
+    handling: str = choice("feasibility", ("feasibility", "penalty"))
+    weight: float = number(1e3, least=0.0)
+    max_velocity: float = share(0.2)
+    per_segment: int = count(31, least=2)
     max_seconds: float = np.inf
     progress: Progress = silent
 
     def __post_init__(self) -> None:
         """Checks the numbers and names."""
-        require_sizes(self.population, self.generations, 2)
-        if self.schedule not in SCHEDULES:
-            raise InputError(f"there is no schedule {quoted(self.schedule)}; schedules are {', '.join(SCHEDULES)}")
-        if self.handling not in ("feasibility", "penalty"):
-            raise InputError(
-                f"constraint handling is {quoted(self.handling)}; allowed for pso are feasibility, penalty"
-            )
+        check(self)
 
     @one_blas_thread
     def run(self, problem: Problem, name: str) -> tuple[Evolution, PymooProblem]:

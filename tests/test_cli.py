@@ -19,6 +19,7 @@ from ocp_traj import problems
 from ocp_traj.cli.commands import run
 from ocp_traj.problems import hybrid_spline
 from ocp_traj.results.trajectory import Trajectory, trajectory_of
+from ocp_traj.solvers.methods import FRONT, SOLVE, options_from_text
 
 Call = Callable[..., tuple[int, str, str]]
 
@@ -158,7 +159,7 @@ def test_pareto_writes_a_run_and_never_overwrites_it(call: Call, tmp_path: Path)
     assert len(pd.read_parquet(exported)) == 3
     code, out, err = call(*arguments)
     assert code == json.loads(out)["exit_code"] == 2 and "--force" in one_line(err)
-    evolved = ["--force", "--method", "nsga2", "--population", "40", "--generations", "40"]
+    evolved = ["--force", "--method", "nsga2", "--option", "population=40", "--option", "generations=40"]
     code, out, err = call(*arguments, *evolved)
     assert code == 2 and "nsga2 has no option 'points'" in one_line(err)
     without = [a for a in arguments if a not in ("--points", "3")]
@@ -169,14 +170,49 @@ def test_pareto_writes_a_run_and_never_overwrites_it(call: Call, tmp_path: Path)
 def test_nsga2_front_is_proved_and_non_dominated(call: Call, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     code, out, _ = call(
-        "pareto", "hybrid-spline", "--objectives", "time,energy", "--method", "nsga2", "--population", "40",
-        "--generations", "40", "-o", folder, "--json",
+        "pareto", "hybrid-spline", "--objectives", "time,energy", "--method", "nsga2", "--option", "population=40",
+        "--option", "generations=40", "-o", folder, "--json",
     )  # fmt: skip
     table = pd.read_csv(folder / "front.csv")
     assert code == 0 and (table["verdict"] == "proved").all()
     values = table[["time [s]", "energy [N2 m2/s]"]].to_numpy()
     assert (np.diff(values[:, 0]) > 0).all() and (np.diff(values[:, 1]) < 0).all()
     assert json.loads(out)["info"]["evaluation calls"] == 40
+
+
+def test_options_reach_the_method_by_their_types(call: Call, tmp_path: Path) -> None:
+    """A budget of one exchange, and none of a mutation's own choice, which is 1/n."""
+    found = json.loads(call("solve", "hybrid-spline", "--objective", "time", "--no-certify", "--json",
+                            "--option", "max_exchanges=1", "--option", "repair=false")[1])  # fmt: skip
+    assert found["status"] == "not proved" and found["rounds"] == 1 and "the one round is used up" in found["detail"]
+    read = options_from_text(FRONT, "hmoga", {"mutation": "none", "stall": "7", "seeded": "0.25"})
+    assert read == {"mutation": None, "stall": 7, "seeded": 0.25} and isinstance(read["stall"], int)
+    assert options_from_text(SOLVE, "ga", {"scaling": "true", "handling": "death"}) == {
+        "scaling": True, "handling": "death",
+    }  # fmt: skip
+
+
+HEAVY = ("casadi", "pinocchio", "scipy", "pandas", "pymoo", "matplotlib")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "imported"),
+    [
+        (["--help"], set()),
+        (["solve", "--help"], set()),
+        (["problems"], {"casadi", "pinocchio", "scipy"}),
+        (["show", "weld-bezier", "--set", "case=air-move"], {"casadi", "pinocchio", "scipy"}),
+    ],
+    ids=" ".join,
+)
+def test_a_command_imports_no_more_than_it_needs(arguments: list[str], imported: set[str]) -> None:
+    """Counted, not timed: each of these costs 0.1 to 0.5 s of a start."""
+    code = (
+        f"from ocp_traj.cli.commands import run; import sys; code = run({arguments}); print(*sys.modules); exit(code)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert set(HEAVY) & set(done.stdout.splitlines()[-1].split()) == imported
 
 
 def test_export_of_a_trajectory_to_ros(call: Call, saved: Path, tmp_path: Path) -> None:
@@ -201,6 +237,42 @@ BAD_INPUT = {
     "three weights": (["show", "hybrid-spline", "--set", "weights=1,2,3"], "give 4 numbers"),
     "empty bounds": (["solve", "hybrid-spline", "--set", "max_interval=0.1"], "bounds of h3 are empty.*widen"),
     "one objective": (["pareto", "hybrid-spline", "--objectives", "time", "-o", "run"], "two or more"),
+    "unknown option of a method": (
+        ["solve", "hybrid-spline", "--method", "ga", "--option", "populaton=9"],
+        r"ga has no option 'populaton' \(nearest is 'population'\); options are population, generations, tournament",
+    ),
+    "option that is a flag": (
+        ["pareto", "hybrid-spline", "--objectives", "time,energy", "--option", "points=9", "-o", "run"],
+        "trace has no option 'points'; options are starts",
+    ),
+    "option that is no text": (
+        ["solve", "hybrid-spline", "--option", "solver=ipopt"],
+        "exchange has no option 'solver'; options are max_exchanges, back_off, repair",
+    ),
+    "option no number": (
+        ["solve", "hybrid-spline", "--method", "ga", "--option", "population=2.5"],
+        "ga: population is '2.5'; give a number, such as 200",
+    ),
+    "option too large": (
+        ["solve", "hybrid-spline", "--method", "ga", "--option", "population=100001"],
+        "ga: population is 100001; give at most 100000",
+    ),
+    "option no truth": (
+        ["solve", "hybrid-spline", "--method", "ga", "--option", "scaling=perhaps"],
+        "ga: scaling is 'perhaps'; give true or false",
+    ),
+    "option not finite": (
+        ["solve", "hybrid-spline", "--method", "pso", "--option", "weight=nan"],
+        "weight is nan; give a finite number, zero or more",
+    ),
+    "unknown schedule": (
+        ["solve", "hybrid-spline", "--method", "pso", "--option", "schedule=new"],
+        "schedule is 'new'; allowed are as_printed, repaired",
+    ),
+    "no rounds": (
+        ["solve", "hybrid-spline", "--option", "max_exchanges=0"],
+        "max_exchanges is 0; give a whole number, 1 or more",
+    ),
     "unknown method": (
         ["pareto", "hybrid-spline", "--objectives", "time,energy", "--method", "magic", "-o", "run"],
         "no method 'magic'; methods are trace, nsga2",

@@ -141,7 +141,16 @@ def test_pareto_writes_the_front_so_far(
     pressed: Callable[[int], None], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     pressed(15)
-    arguments = ["pareto", "hybrid-spline", "--objectives", "time,energy", "--method", "nsga2", "--population", "40"]
+    arguments = [
+        "pareto",
+        "hybrid-spline",
+        "--objectives",
+        "time,energy",
+        "--method",
+        "nsga2",
+        "--option",
+        "population=40",
+    ]
     assert run([*arguments, "-o", str(tmp_path / "run"), "--json"]) == 130
     out, err = capfd.readouterr()
     assert err.splitlines()[-1] == "interrupted after 15 of 200 generations"
@@ -154,7 +163,16 @@ def test_nothing_is_written_where_nothing_was_found(
     pressed: Callable[[int], None], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     pressed(1)
-    arguments = ["pareto", "wrist-obstacle", "--objectives", "time,distance", "--method", "nsga2", "--population", "4"]
+    arguments = [
+        "pareto",
+        "wrist-obstacle",
+        "--objectives",
+        "time,distance",
+        "--method",
+        "nsga2",
+        "--option",
+        "population=4",
+    ]
     assert run([*arguments, "-o", str(tmp_path / "run")]) == 130
     assert capfd.readouterr().err == "interrupted before the first point was found; nothing is written\n"
     assert not list(tmp_path.iterdir())

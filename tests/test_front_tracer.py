@@ -183,7 +183,7 @@ def test_an_end_that_no_start_reaches_is_replaced_by_a_dilation_of_the_other_and
 
 @pytest.mark.parametrize("points", [1, 0, -3])
 def test_a_front_of_one_point_is_refused(points: int) -> None:
-    with pytest.raises(InputError, match=f"a front needs at least 2 points; got {points}"):
+    with pytest.raises(InputError, match=f"points is {points}; give a whole number, 2 or more"):
         FrontTracer(points=points)
 
 

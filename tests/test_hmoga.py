@@ -342,12 +342,14 @@ def test_where_nothing_is_feasible_it_says_so() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"population": 3}, "4 or more individuals"),
-        ({"generations": 0}, "1 or more generations"),
-        ({"pareto_fraction": 0.0}, "Pareto fraction is 0.0"),
-        ({"seeded": 1.5}, "seeded share is 1.5"),
-        ({"points": 1}, "got 1 points"),
-        ({"stall": 0}, "a stall of 0"),
+        ({"population": 3}, "population is 3; give a whole number, 4 or more"),
+        ({"generations": 0}, "generations is 0; give a whole number, 1 or more"),
+        ({"generations": 2.5}, "generations is 2.5; give a whole number, 1 or more"),
+        ({"pareto_fraction": 0.0}, "pareto_fraction is 0.0; give a finite number above 0 and at most 1"),
+        ({"seeded": 1.5}, "seeded is 1.5; give a finite number from 0 to 1"),
+        ({"points": 1}, "points is 1; give a whole number, 2 or more"),
+        ({"stall": 0}, "stall is 0; give a whole number, 1 or more"),
+        ({"mutation": -0.1}, "mutation is -0.1; give a finite number from 0 to 1"),
     ],
 )
 def test_wrong_numbers_are_refused(options: dict[str, float], words: str) -> None:
@@ -380,7 +382,8 @@ def test_it_comes_within_one_percent_of_trace(hybrid: Problem) -> None:
 @pytest.mark.slow
 def test_the_command_line_traces_rotor_353(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["pareto", "rotor-353", "--objectives", "time,effort", "--method", "hmoga", "--points", "5",
-                 "--population", "40", "--generations", "20", "-o", str(tmp_path / "run"), "--json"]  # fmt: skip
+                 "--option", "population=40", "--option", "generations=20", "-o", str(tmp_path / "run"),
+                 "--json"]  # fmt: skip
     assert run(arguments) == 0
     capsys.readouterr()
     described = json.loads((tmp_path / "run" / "run.json").read_text())

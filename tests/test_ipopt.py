@@ -1,4 +1,4 @@
-"""IPOPT on programs with a known answer: feasibility first, recomputed; then the value."""
+"""NLP solvers on programs with a known answer: feasibility first, recomputed; then the value. And what IPOPT adds."""
 
 import re
 from collections.abc import Callable
@@ -16,6 +16,7 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.results.solution import Solution
 from ocp_traj.solvers import ipopt
+from ocp_traj.solvers.fatrop import Fatrop
 from ocp_traj.solvers.ipopt import Ipopt, matched_multipliers
 from ocp_traj.transcription.instants import few_instants
 from ocp_traj.transcription.nlp import NLP, Status
@@ -79,37 +80,42 @@ KNOWN = (
 )  # fmt: skip
 
 TOL = Ipopt().tol
+SOLVERS = {"mumps": Ipopt(), "spral": Ipopt(linear_solver="spral"), "fatrop": Fatrop()}
+
+any_solver = pytest.mark.parametrize("solver", SOLVERS.values(), ids=SOLVERS.keys())
 
 
 # --- optima ---
 
 
-@pytest.mark.parametrize("solver", [Ipopt(), Ipopt(linear_solver="spral")], ids=lambda s: s.linear_solver)
+@any_solver
 @pytest.mark.parametrize("case", KNOWN, ids=lambda case: case.name)
-def test_known_optimum_is_reached(case: Known, solver: Ipopt) -> None:
+def test_known_optimum_is_reached(case: Known, solver: Ipopt | Fatrop) -> None:
     solution = solver.solve(case.nlp, np.array(case.start))
     assert solution.status is Status.SOLVED
-    assert case.excess(solution.x) <= 100 * TOL
+    assert case.excess(solution.x) <= 100 * solver.tol
     assert solution.violation == pytest.approx(case.excess(solution.x), abs=1e-14)
     printed = 5e-8 if case.name.startswith("Hock") else 0.0  # half a unit of the last digit
-    assert solution.f == pytest.approx(case.value, abs=100 * TOL * max(1.0, abs(case.value)) + printed)
-    assert_allclose(solution.x, case.optimum, atol=TOL**0.5 + printed)
+    assert solution.f == pytest.approx(case.value, abs=100 * solver.tol * max(1.0, abs(case.value)) + printed)
+    assert_allclose(solution.x, case.optimum, atol=solver.tol**0.5 + printed)
     assert solution.row_count == len(case.rows)
 
 
-def test_least_jerk_between_rests_is_the_quintic() -> None:
+@any_solver
+def test_least_jerk_between_rests_is_the_quintic(solver: Ipopt | Fatrop) -> None:
     """Two free control points of a septic; int jerk^2 dt = 720 D^2 / T^5."""
     case = Septic()
     points, value = case.optimum
     problem = septic_problem(case)
     nlp = transcribe(problem, WeightedSum({"jerk": 1.0}), few_instants(problem))
-    solution = Ipopt().solve(nlp, np.array([2.0, -2.0]))
+    solution = solver.solve(nlp, np.array([2.0, -2.0]))
     assert solution.status is Status.SOLVED
-    assert_allclose(solution.x, points, rtol=1e-8)
-    assert solution.f * 10.0 == pytest.approx(value, rel=100 * TOL)
+    assert_allclose(solution.x, points, rtol=100 * solver.tol)
+    assert solution.f * 10.0 == pytest.approx(value, rel=100 * solver.tol)
 
 
-def test_a_point_constraint_is_met_as_an_equality() -> None:
+@any_solver
+def test_a_point_constraint_is_met_as_an_equality(solver: Ipopt | Fatrop) -> None:
     case = Septic()
     plain = septic_problem(case)
     problem = replace(
@@ -117,7 +123,7 @@ def test_a_point_constraint_is_met_as_an_equality() -> None:
         requirements=replace(plain.requirements, point_constraints=(via_constraint(0.5, 0.6),)),
     )
     nlp = transcribe(problem, WeightedSum({"jerk": 1.0}), few_instants(problem))
-    solution = Ipopt().solve(nlp, np.zeros(2)).require()
+    solution = solver.solve(nlp, np.zeros(2)).require()
     weights = np.array([1, 7, 21, 35, 35, 21, 7, 1]) / 128  # B_i(1/2)
     points = np.array([0, 0, 0, *solution.x, 0.7, 0.7, 0.7])
     assert weights @ points == pytest.approx(0.6, abs=100 * TOL)
@@ -143,20 +149,22 @@ def test_only_a_small_objective_is_solved_for_again(
     assert solution.x[0] == pytest.approx(size, rel=1e-4)
 
 
-def test_a_start_outside_the_bounds_is_clipped_into_them() -> None:
+@any_solver
+def test_a_start_outside_the_bounds_is_clipped_into_them(solver: Ipopt | Fatrop) -> None:
     nlp = small_nlp(1, lambda x: ca.log(x[0]) ** 2, (), 0.5, 3.0)  # not defined below zero
-    solution = Ipopt().solve(nlp, np.array([-7.0]))
+    solution = solver.solve(nlp, np.array([-7.0]))
     assert solution.x[0] == pytest.approx(1.0, abs=1e-6)
 
 
-def test_slacks_and_multipliers_belong_to_their_rows() -> None:
+@any_solver
+def test_slacks_and_multipliers_belong_to_their_rows(solver: Ipopt | Fatrop) -> None:
     """min (x0 - 2)^2 + (x1 - 1)^2: the active row has slack 0 and multiplier 2, the other its distance and 0."""
     nlp = small_nlp(
         2,
         lambda x: (x[0] - 2) ** 2 + (x[1] - 1) ** 2,
         (("active", lambda x: x[0] + x[1], -np.inf, 1.0), ("idle", lambda x: x[0], -1.0, 5.0)),
     )
-    solution = Ipopt().solve(nlp, np.zeros(2))
+    solution = solver.solve(nlp, np.zeros(2))
     by_name = {row.limit: (solution.slacks[row], solution.multipliers[row]) for row in nlp.rows}
     assert by_name["active"] == pytest.approx((0.0, 2.0), abs=1e-6)
     assert by_name["idle"] == pytest.approx((2.0, 0.0), abs=1e-6)
@@ -200,12 +208,13 @@ def test_a_point_that_breaks_a_row_is_failed_whatever_ipopt_says() -> None:
     assert solution.status is Status.FAILED
 
 
-def test_the_iteration_limit_is_reported_and_a_feasible_point_then_kept() -> None:
+@any_solver
+def test_the_iteration_limit_is_reported_and_a_feasible_point_then_kept(solver: Ipopt | Fatrop) -> None:
     rosenbrock = KNOWN[0]
-    feasible = Ipopt(max_iter=3).solve(rosenbrock.nlp, np.array(rosenbrock.start))
+    feasible = solver.limited(3).solve(rosenbrock.nlp, np.array(rosenbrock.start))
     assert (feasible.status, feasible.iterations) == (Status.FEASIBLE, 3)
     hs71 = KNOWN[-1]
-    infeasible = Ipopt(max_iter=1).solve(hs71.nlp, np.array(hs71.start))
+    infeasible = solver.limited(2).solve(hs71.nlp, np.array(hs71.start))
     assert infeasible.violation > 1e-7
     assert infeasible.status is Status.ITERATION_LIMIT
     assert not infeasible.ok

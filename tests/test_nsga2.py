@@ -160,9 +160,14 @@ def test_a_front_gains_on_another_by_a_point_none_of_it_is_as_good_as(values: An
     assert gains_on(np.array(values), np.array(on)) is gains
 
 
-@pytest.mark.parametrize(("population", "generations"), [(3, 10), (10, 0)])
-def test_too_few_of_either_is_refused(population: int, generations: int) -> None:
-    message = f"4 or more individuals and 1 or more generations; got {population}, {generations}"
+@pytest.mark.parametrize(
+    ("population", "generations", "message"),
+    [
+        (3, 10, "population is 3; give a whole number, 4 or more"),
+        (10, 0, "generations is 0; give a whole number, 1 or more"),
+    ],
+)
+def test_too_few_of_either_is_refused(population: int, generations: int, message: str) -> None:
     with pytest.raises(InputError, match=message):
         NSGA2(0, population=population, generations=generations)
 

@@ -17,6 +17,7 @@ from ocp_traj.errors import InputError
 from ocp_traj.evolution.population import Population
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import GoalAttainment, WeightedSum
+from ocp_traj.formulation.summary import Summary
 from ocp_traj.interval.tape import Tape
 from ocp_traj.proof.verdicts import VIOLATED
 from ocp_traj.results.trajectory import Trajectory, trajectory_of
@@ -88,6 +89,11 @@ def test_every_variable_has_a_label_a_unit_and_bounds_with_room(problem: Problem
 
 
 # --- what lists and reports need ---
+
+
+@pytest.mark.parametrize("name", problems.names())
+def test_a_summary_is_that_of_the_problem_as_it_is_built(name: str) -> None:
+    assert problems.summary(name) == Summary.of(problems.load(name))
 
 
 def test_the_problem_says_what_it_is(problem: Problem) -> None:

@@ -109,13 +109,13 @@ def test_an_interrupted_run_keeps_its_best(rotor: Problem) -> None:
 @pytest.mark.parametrize(
     ("build", "words"),
     [
-        (lambda: PSO(population=1), "2 or more individuals"),
-        (lambda: PSO(schedule="fast"), "schedules are as_printed"),
-        (lambda: PSO(handling="death"), "allowed for pso"),
+        (lambda: PSO(population=1), "population is 1; give a whole number, 2 or more"),
+        (lambda: PSO(schedule="fast"), "schedule is 'fast'; allowed are as_printed"),
+        (lambda: PSO(handling="death"), "allowed are feasibility, penalty"),
         (lambda: GA(population=3), "4 or more"),
-        (lambda: GA(handling="penalty"), "allowed for ga"),
-        (lambda: MOPSO(0, variant="x"), "variants are"),
-        (lambda: MOPSO(0, population=2), "4 or more individuals"),
+        (lambda: GA(handling="penalty"), "allowed are feasibility, death"),
+        (lambda: MOPSO(0, variant="x"), "variant is 'x'; allowed are competitive, crowding"),
+        (lambda: MOPSO(0, population=2), "population is 2; give a whole number, 4 or more"),
     ],
 )
 def test_bad_settings_are_refused(build: Any, words: str) -> None:
@@ -195,11 +195,16 @@ def test_options_that_a_method_does_not_have_are_refused(rotor: Problem) -> None
         ot.solve(rotor, method="simplex")
 
 
+def options(*given: str) -> list[str]:
+    """Options of a method, as the command line takes them."""
+    return [word for text in given for word in ("--option", text)]
+
+
 def test_the_command_line_runs_a_swarm_and_draws_its_history(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     picture, table = tmp_path / "h.png", tmp_path / "h.csv"
     for target in (picture, table):
-        arguments = ["solve", "rotor-353", "--method", "pso", "--population", "12", "--generations", "20"]
-        assert run([*arguments, "--schedule", "linear", "--history", str(target)]) == 0
+        arguments = ["solve", "rotor-353", "--method", "pso", "--history", str(target)]
+        assert run([*arguments, *options("population=12", "generations=20", "schedule=linear")]) == 0
         assert "feasible, not optimal" in capfd.readouterr().err
     assert picture.read_bytes()[:4] == b"\x89PNG"
     assert list(pd.read_csv(table).columns) == ["generation", "evaluations", "best", "violation"]

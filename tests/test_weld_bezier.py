@@ -145,7 +145,7 @@ def test_a_singular_tag_is_named_with_its_value(monkeypatch: pytest.MonkeyPatch)
 def test_a_front_that_is_the_start_alone_is_no_success(
     method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    sizes = ["--population", "8", "--generations", "2"]
+    sizes = ["--option", "population=8", "--option", "generations=2"]
     run_folder = tmp_path / "run"
     command = ["pareto", "weld-bezier", "--objectives", "air_time,movement", "--method", method, *sizes]
     assert run([*command, "-o", str(run_folder)]) == 1
@@ -160,7 +160,22 @@ def test_a_front_that_is_the_start_alone_is_no_success(
 
 
 def test_a_best_individual_that_is_the_start_is_no_success(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["solve", "weld-bezier", "--method", "ga", "--population", "8", "--generations", "2", "--json"]) == 1
+    assert (
+        run(
+            [
+                "solve",
+                "weld-bezier",
+                "--method",
+                "ga",
+                "--option",
+                "population=8",
+                "--option",
+                "generations=2",
+                "--json",
+            ]
+        )
+        == 1
+    )
     said = capsys.readouterr()
     words = "ga: the best of 9 individuals; none is better than the best of those it began with"
     assert f"feasible, not optimal: {words}" in said.err
@@ -172,7 +187,7 @@ def test_a_best_individual_that_is_the_start_is_no_success(capsys: pytest.Captur
 def test_the_hybrid_keeps_the_ends_it_found_and_says_whether_more_came_of_them(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    sizes = ["--population", "8", "--generations", "2", "--points", "2"]
+    sizes = ["--option", "population=8", "--option", "generations=2", "--points", "2"]
     command = ["pareto", "weld-bezier", "--objectives", "air_time,movement", "--method", "hmoga", *sizes]
     code = run([*command, "-o", str(tmp_path / "run")])
     saved = json.loads((tmp_path / "run" / "run.json").read_text())

@@ -7,6 +7,8 @@ Results go to stdout, as tables or, with ``--json``, as one JSON object; progres
 One of these signals ends ``solve``, ``pareto`` and ``payload`` within the time of an iteration of IPOPT or of a
 generation: what has been found is shown and written, and one line on stderr says what was left undone. Any other
 command, and the second signal anywhere, ends at once. No file is ever half written.
+
+To import what solves, draws and proves takes seconds: each command imports what it needs, in its body.
 """
 
 from __future__ import annotations
@@ -16,34 +18,27 @@ import sys
 from collections.abc import Callable, Sequence
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
+from typer.exceptions import TyperException
 
-from ocp_traj import api, problems
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.cli import console, sheets
+from ocp_traj.cli import console
 from ocp_traj.errors import InputError, OcpTrajError, cut, quoted
 from ocp_traj.files import LONGEST_PATH, check_writable
-from ocp_traj.formulation.problem import Problem
-from ocp_traj.io.export import export as run_export
-from ocp_traj.io.plot import check_picture, plot_trajectory, save_history
-from ocp_traj.io.requirements_file import read_requirements
-from ocp_traj.io.store import Run, request
-from ocp_traj.proof.audit import audit as run_audit
-from ocp_traj.proof.verdicts import ALLOWANCE, Audit
-from ocp_traj.reproductions.reproduce import reproduce as run_reproduce
-from ocp_traj.results.pareto_set import ENDED_AFTER
-from ocp_traj.results.solution import Solution
-from ocp_traj.results.trajectory import Trajectory
-from ocp_traj.solvers.pso import SCHEDULES
+from ocp_traj.solvers import methods
 from ocp_traj.stopping import exit_code, stopping
-from ocp_traj.transcription.nlp import Status
 from ocp_traj.version import __version__
 
+if TYPE_CHECKING:
+    from ocp_traj.formulation.problem import Problem
+    from ocp_traj.proof.verdicts import Audit
+    from ocp_traj.results.solution import Solution
+
 DONE, NOT_PROVED, WRONG_INPUT = 0, 1, 2
-MOST = 100_000  # of anything that is counted: our choice, what a machine's memory holds
+MOST = methods.MOST
 LONGEST_USAGE = 500  # of a message about options [characters]: our choice
 
 
@@ -70,8 +65,10 @@ Fields = Annotated[
     list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="Change a field of the case; may be repeated.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
-Population = Annotated[int | None, typer.Option(help="Individuals, of methods with a population.", min=2, max=MOST)]
-Generations = Annotated[int | None, typer.Option(help="Generations or iterations of a population.", min=1, max=MOST)]
+Options = Annotated[
+    list[str] | None,
+    typer.Option("--option", metavar="NAME=VALUE", help="Set an option of the method; may be repeated."),
+]
 Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
 
 
@@ -99,19 +96,26 @@ def list_problems(json: AsJson = False) -> None:
 
     Example: ocp-traj problems
     """
-    console.show(sheets.problem_list([problems.load(name) for name in problems.names()]), json)
+    from ocp_traj import problems
+    from ocp_traj.cli import sheets
+
+    console.show(sheets.problem_list([problems.summary(name) for name in problems.names()]), json)
 
 
 @app.command()
+@one_blas_thread
 def show(problem: ProblemName, set_: Fields = None, json: AsJson = False) -> None:
     """Shows a problem's variables, objectives and limits.
 
     Example: ocp-traj show hybrid-spline
     """
+    from ocp_traj.cli import sheets
+
     console.show(sheets.problem_sheet(_load(problem, set_)), json)
 
 
 @app.command()
+@one_blas_thread
 def solve(
     problem: ProblemName,
     objective: Annotated[str | None, typer.Option(metavar="NAME", help="Minimise this objective.")] = None,
@@ -119,17 +123,13 @@ def solve(
         list[str] | None, typer.Option(metavar="NAME=W", help="Minimise sum W f / scale; may be repeated.")
     ] = None,
     set_: Fields = None,
-    method: Annotated[str, typer.Option(help=f"One of: {', '.join(api.SOLVE_METHODS)}.")] = "exchange",
+    method: Annotated[str, typer.Option(help=f"One of: {', '.join(methods.SOLVE)}.")] = "exchange",
+    option: Options = None,
     starts: Annotated[
         int | None,
         typer.Option(help="Random starts, the best counts; the problem's own number if not given.", min=1, max=MOST),
     ] = None,
     all_optima: Annotated[bool, typer.Option(help="List every distinct local optimum that a start ends in.")] = False,
-    population: Population = None,
-    generations: Generations = None,
-    schedule: Annotated[str | None, typer.Option(help=f"Of pso; one of: {', '.join(SCHEDULES)}.")] = None,
-    handling: Annotated[str | None, typer.Option(help="Of limits: feasibility, penalty (pso) or death (ga).")] = None,
-    scaling: Annotated[bool | None, typer.Option(help="Of ga: every individual as fast as its path allows.")] = None,
     certify: Annotated[
         bool | None,
         typer.Option(
@@ -148,6 +148,10 @@ def solve(
 
     Example: ocp-traj solve hybrid-spline --objective time -o fast.json
     """
+    from ocp_traj import api
+    from ocp_traj.cli import sheets
+    from ocp_traj.io.plot import check_picture
+
     weights = {name: _number(value, f"--weight {cut(name)}") for name, value in _pairs(weight, "--weight").items()}
     chosen = _load(problem, set_)
     targets = [path for path in (output, plot, history) if path is not None]
@@ -162,9 +166,7 @@ def solve(
             check_picture(history)
     for path in targets:
         check_writable(path)
-    options = _given(
-        population=population, generations=generations, schedule=schedule, handling=handling, scaling=scaling
-    )
+    options = methods.options_from_text(methods.SOLVE, method, _pairs(option, "--option"))
     with stopping() as stop:
         with console.progress("solving") as progress:
             solution = api.solve(
@@ -180,16 +182,17 @@ def solve(
 
 
 @app.command()
+@one_blas_thread
 def pareto(
     problem: ProblemName,
     objectives: Annotated[str, typer.Option(metavar="A,B[,..]", help="Objectives to trade.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN", help="Folder to write the run to.")],
-    method: Annotated[str, typer.Option(help=f"One of: {', '.join(api.METHODS)}.")] = "trace",
+    method: Annotated[str, typer.Option(help=f"One of: {', '.join(methods.FRONT)}.")] = "trace",
+    option: Options = None,
     points: Annotated[
-        int | None, typer.Option(help="Points to trace, or of hmoga to refine; 40 if not given.", min=2, max=MOST)
+        int | None,
+        typer.Option(help="Points to trace, or of hmoga to refine; 40 if not given.", min=2, max=MOST),
     ] = None,
-    population: Population = None,
-    generations: Generations = None,
     set_: Fields = None,
     seed: Seed = 0,
     budget: Annotated[
@@ -211,6 +214,11 @@ def pareto(
 
     Example: ocp-traj pareto hybrid-spline --objectives time,energy -o runs/a
     """
+    from ocp_traj import api
+    from ocp_traj.cli import sheets
+    from ocp_traj.io.store import Run, request
+    from ocp_traj.results.pareto_set import ENDED_AFTER
+
     chosen = _load(problem, set_)
     names = tuple(name.strip() for name in objectives.split(",") if name.strip())
     corners = [_point(text, names, what) for text, what in ((reference, "--reference"), (ideal, "--ideal"))]
@@ -221,7 +229,9 @@ def pareto(
         raise InputError(
             f"{chosen.id} has no reference point for {', '.join(unbounded)}; give --reference {objectives}"
         )
-    options = _given(points=points, population=population, generations=generations)
+    options = methods.options_from_text(methods.FRONT, method, _pairs(option, "--option"))
+    if points is not None:
+        options["points"] = points
     asked = request(chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, options=options)
     with stopping() as stop:
         with Run(output, asked, force=force) as kept:
@@ -261,6 +271,7 @@ def pareto(
 
 
 @app.command()
+@one_blas_thread
 def payload(
     problem: ProblemName,
     along: Annotated[
@@ -281,6 +292,10 @@ def payload(
 
     Example: ocp-traj payload hybrid-spline --max-time 6.19
     """
+    from ocp_traj import api
+    from ocp_traj.cli import sheets
+    from ocp_traj.results.trajectory import Trajectory
+
     chosen = _load(problem, set_)
     if output is not None:
         check_writable(output)
@@ -305,27 +320,35 @@ def payload(
 
 
 @app.command()
+@one_blas_thread
 def audit(
     trajectory: Annotated[Path, typer.Argument(metavar="TRAJECTORY", help="A trajectory file (JSON).")],
     limits: Annotated[
         Path | None, typer.Option(help="Limits to audit against (TOML); its own problem's if not given.")
     ] = None,
     allowance: Annotated[
-        float, typer.Option(metavar="SHARE", help="Of each bound, by which it may be exceeded and still be met.")
-    ] = ALLOWANCE,
+        float | None, typer.Option(metavar="SHARE", help="Of each bound, by which it may be exceeded and still be met.")
+    ] = None,
     json: AsJson = False,
 ) -> int:
     """Proves that a trajectory keeps its limits, or says where not.
 
     Example: ocp-traj audit fast.json
     """
+    from ocp_traj.cli import sheets
+    from ocp_traj.io.requirements_file import read_requirements
+    from ocp_traj.proof.audit import audit as run_audit
+    from ocp_traj.proof.verdicts import ALLOWANCE
+    from ocp_traj.results.trajectory import Trajectory
+
     moved = Trajectory.load(trajectory)
     if limits is None:
-        if allowance != ALLOWANCE:
+        if allowance is not None:
             raise InputError("--allowance is for limits of a file; give --limits too, or leave it out")
         checked = moved.audit()
     else:
-        checked = run_audit(moved, read_requirements(limits), allowance=allowance)
+        allowed = ALLOWANCE if allowance is None else allowance
+        checked = run_audit(moved, read_requirements(limits), allowance=allowed)
     if not checked.rows:
         raise InputError(f"{limits or moved.problem} asks nothing of {trajectory}: nothing is proved; give a limit")
     console.show(sheets.audit_sheet(checked), json)
@@ -333,6 +356,7 @@ def audit(
 
 
 @app.command()
+@one_blas_thread
 def reproduce(
     problem: ProblemName,
     seeds: Annotated[
@@ -345,6 +369,10 @@ def reproduce(
 
     Example: ocp-traj reproduce hybrid-spline
     """
+    from ocp_traj import problems
+    from ocp_traj.cli import sheets
+    from ocp_traj.reproductions.reproduce import reproduce as run_reproduce
+
     problems.case_class(problem)
     with console.progress("reproducing") as progress:
         found = run_reproduce(problem, seeds=seeds, progress=progress)
@@ -352,6 +380,7 @@ def reproduce(
 
 
 @app.command()
+@one_blas_thread
 def export(
     source: Annotated[Path, typer.Argument(metavar="FILE", help="A run folder, a front.csv or a trajectory (JSON).")],
     format: Annotated[str, typer.Option(help="csv, parquet, json; ros for a trajectory.")],
@@ -365,6 +394,8 @@ def export(
 
     Example: ocp-traj export fast.json --format ros
     """
+    from ocp_traj.io.export import export as run_export
+
     suffix = {"ros": ".ros.yaml"}.get(format, f".export.{format}")
     place = source if source.name else Path(os.path.realpath(source))  # `.` has no name of its own, and `/` has none
     if output is None and not place.name:
@@ -377,6 +408,8 @@ def export(
 
 def _write(solution: Solution, problem: Problem, output: Path | None, plot: Path | None, history: Path | None) -> None:
     """Writes what was asked for of a solution, as far as there is one."""
+    from ocp_traj.io.plot import plot_trajectory, save_history
+
     if solution.trajectory is None or solution.audit is None:
         return
     if output is not None:
@@ -389,6 +422,8 @@ def _write(solution: Solution, problem: Problem, output: Path | None, plot: Path
 
 def _outcome(solution: Solution) -> int:
     """Says how a solution is to be taken; the exit code of that."""
+    from ocp_traj.transcription.nlp import Status
+
     if solution.trajectory is None or solution.audit is None:
         console.say(solution.explain())
         return NOT_PROVED
@@ -407,12 +442,9 @@ def _interrupted(words: str) -> int:
     return exit_code()
 
 
-def _given(**options: Any) -> dict[str, Any]:
-    """Options that were given: a method refuses those it does not have."""
-    return {name: value for name, value in options.items() if value is not None}
-
-
 def _load(name: str, assignments: Sequence[str] | None) -> Problem:
+    from ocp_traj import problems
+
     return problems.load(name, **_pairs(assignments, "--set"))
 
 
@@ -455,8 +487,7 @@ def _verdict(checked: Audit, solved: bool = True) -> int:
 def run(arguments: Sequence[str] | None = None) -> int:
     """Runs a command line and returns its exit code; errors become one line on stderr."""
     try:
-        with one_blas_thread:
-            code = _run(arguments)
+        code = _run(arguments)
         if sys.stdout is not None:
             sys.stdout.flush()  # else Python finds at exit that it cannot, with a traceback
     except OSError as error:
@@ -471,8 +502,6 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 def _run(arguments: Sequence[str] | None) -> int:
     command: Callable[..., Any] = typer.main.get_command(app)
-    # The base of all errors about options and arguments; typer does not export it.
-    usage_error: type[Exception] = typer.BadParameter.__mro__[2]
     try:
         result = command(
             args=None if arguments is None else list(arguments), prog_name="ocp-traj", standalone_mode=False
@@ -490,8 +519,8 @@ def _run(arguments: Sequence[str] | None) -> int:
     except MemoryError:
         console.say("error: this machine has not enough memory for that; ask for less")
         return NOT_PROVED
-    except usage_error as error:
-        words = error.format_message() if hasattr(error, "format_message") else str(error)
+    except TyperException as error:  # of options and arguments
+        words = error.format_message()
         if words:
             console.say(f"error: {cut(' '.join(words.split()), LONGEST_USAGE)}; see ocp-traj --help")
         return WRONG_INPUT

@@ -10,11 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
-from rich.text import Text
 
 from ocp_traj import progress as progress_module
 from ocp_traj.errors import cut
@@ -39,6 +34,11 @@ def show(sheet: Sheet, json: bool) -> None:
     if json:
         print(json_module.dumps(plain(dict(sheet.data))))
         return
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
     console = Console(width=None if sys.stdout.isatty() else WIDE)
     for title, columns, rows in sheet.tables:
         table = Table(title=Text(title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
@@ -61,6 +61,9 @@ def progress(title: str) -> Iterator[progress_module.Progress]:
     if not sys.stderr.isatty():
         yield progress_module.silent
         return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
     done = TextColumn("{task.completed}/{task.total}")
     words_column = TextColumn("{task.fields[words]}")
     columns = (TextColumn("{task.description}"), BarColumn(), done, TimeElapsedColumn(), words_column)

@@ -3,39 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ocp_traj.cli.console import Rows, Sheet
 from ocp_traj.display import count
-from ocp_traj.formulation.problem import Problem
-from ocp_traj.proof.verdicts import CHECKED, Audit, AuditRow
-from ocp_traj.reproductions.reproduce import Reproduction
-from ocp_traj.results.front import Front, Hypervolume
-from ocp_traj.results.solution import Solution
-from ocp_traj.solvers.payload import LargestPayload
+
+if TYPE_CHECKING:  # a list of problems needs none of them
+    from ocp_traj.formulation.problem import Problem
+    from ocp_traj.formulation.summary import Summary
+    from ocp_traj.proof.verdicts import Audit, AuditRow
+    from ocp_traj.reproductions.reproduce import Reproduction
+    from ocp_traj.results.front import Front, Hypervolume
+    from ocp_traj.results.solution import Solution
+    from ocp_traj.solvers.payload import LargestPayload
 
 MOST_VARIABLES, SMALL_BLOCK = 60, 4  # with more than the one, only blocks up to the other are printed: our choice
 
 
-def problem_list(problems: Sequence[Problem]) -> Sheet:
+def problem_list(problems: Sequence[Summary]) -> Sheet:
     """All problems, a line each."""
-    data = [
-        {
-            "id": p.id,
-            "title": p.about.title,
-            "robot": f"{p.robot.model.name}, {p.requirements.dof} joints"
-            if p.robot
-            else f"{p.requirements.dof} joints",
-            "curve": p.about.curve_kind,
-            "variables": p.size,
-            "objectives": [o.id for o in p.objectives],
-            "paper": p.about.reference,
-        }
-        for p in problems
-    ]
-    rows = [[", ".join(v) if isinstance(v, list) else v for v in entry.values()] for entry in data]
+    data = [asdict(problem) for problem in problems]
+    rows = [[", ".join(v) if isinstance(v, tuple) else v for v in entry.values()] for entry in data]
     return Sheet({"problems": data}, [("Problems", list(data[0]) if data else [], rows)])
 
 
@@ -95,6 +85,8 @@ def audit_values(checked: Audit) -> dict[str, Any]:
 
 
 def _audit_tables(checked: Audit) -> list[Rows]:
+    from ocp_traj.proof.verdicts import CHECKED
+
     columns = ["limit", "joint", "unit", "bound", "allowance", "attained", "t [s]", "margin", "verdict"]
     proofs = [row for row in checked.rows if row.boxes]
     checks = [row for row in checked.rows if not row.boxes]

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike
 
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.errors import ProblemDefinitionError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 COLUMNS = ("q", "v", "a", "jerk", "snap")
 
@@ -45,6 +48,8 @@ class Motion:
         Returns:
             One row an instant, indexed by ``time [s]``; columns (quantity, joint) with quantities q, v, a, jerk, snap.
         """
+        import pandas as pd  # costs 0.3 s, which problems need not
+
         t = np.linspace(0.0, self.duration, count) if times is None else np.atleast_1d(np.asarray(times, dtype=float))
         blocks = {
             name: pd.DataFrame(self.curve(t, order), index=t, columns=list(self.joints))

@@ -41,14 +41,6 @@ SAME = 1e-9  # relative: a value better by less is the same; our choice
 HANDLING = ("feasibility", "penalty", "death", "dominated")
 
 
-def require_sizes(population: int, generations: int, least: int = 4) -> None:
-    """Raises ``InputError`` where a population has too few individuals to breed, or no generation."""
-    if population < least or generations < 1:
-        raise InputError(
-            f"a population needs {least} or more individuals and 1 or more generations; got {population}, {generations}"
-        )
-
-
 class PymooProblem(pymoo.core.problem.Problem):  # type: ignore[misc]  # pymoo is untyped
     """A problem as pymoo sees it: a generation a call, every limit a constraint, objectives to be minimised.
 

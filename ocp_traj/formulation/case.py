@@ -11,17 +11,18 @@ from dataclasses import MISSING, Field, dataclass, field, fields
 from math import isfinite
 from typing import Any
 
-from ocp_traj.errors import InputError, UnknownName, quoted
+from ocp_traj.errors import InputError, UnknownName, nearest, quoted
 
 
 def number(
-    default: float | int, unit: str = "", what: str = "a finite number", *, least: float | None = None,
+    default: float | int | None, unit: str = "", what: str = "a finite number", *, least: float | None = None,
     above: float | None = None, most: float | None = None, below: float | None = None, under: str = "",
+    whole: bool = False,
 ) -> Any:  # fmt: skip
     """A number; whole ones stay whole where the default is one.
 
     Args:
-        default: its value where none is given.
+        default: its value where none is given; with None there need not be one, which is written "none".
         unit: for messages.
         what: it is, in words.
         least: it is at least this.
@@ -29,9 +30,20 @@ def number(
         most: it is at most this.
         below: it is smaller than this.
         under: the field that it is smaller than.
+        whole: it is a whole number, where the default does not say so.
     """
-    bounds = {"least": least, "above": above, "most": most, "below": below, "under": under}
+    bounds = {"least": least, "above": above, "most": most, "below": below, "under": under, "whole": whole}
     return field(default=default, metadata={"kind": "number", "unit": unit, "what": what, **bounds})
+
+
+def count(default: int | None, least: int = 1) -> Any:
+    """A whole number of things."""
+    return number(default, what="a whole number", least=least, whole=True)
+
+
+def share(default: float | None) -> Any:
+    """A probability, or a part of a whole."""
+    return number(default, least=0.0, most=1.0)
 
 
 def numbers(
@@ -60,18 +72,23 @@ def choice(default: str, among: Sequence[str]) -> Any:
     return field(default=default, metadata={"kind": "choice", "among": tuple(among)})
 
 
-def convert(owner: str, cls: Any, changes: dict[str, Any]) -> dict[str, Any]:
+def convert(
+    owner: str, cls: Any, changes: dict[str, Any], word: str = "case field", among: Sequence[str] | None = None
+) -> dict[str, Any]:
     """What a user gives for a case's fields as values of their types, or an error that says what is wanted.
 
     Args:
         owner: whose case, for messages.
         cls: the case's dataclass.
         changes: by field; text is read, lists become tuples.
+        word: what a field is called, in messages.
+        among: the fields that may be given, if not all.
     """
-    known = {f.name: f for f in fields(cls)}
+    known = {f.name: f for f in fields(cls) if among is None or f.name in among}
     for name in changes:
         if name not in known:
-            raise UnknownName(f"{owner} has no case field {quoted(name)}; fields are {', '.join(known)}")
+            words = f"{word.split()[-1]}s are {', '.join(known)}"
+            raise UnknownName(f"{owner} has no {word} {quoted(name)}{nearest(name, known)}; {words}")
 
     def converted(name: str, value: Any) -> Any:
         return _converted(f"{owner}: {name} is {quoted(value)}; give", known[name], value)
@@ -94,7 +111,8 @@ def check(case: Any) -> None:
         value, kind = getattr(case, f.name), f.metadata.get("kind")
         if kind == "choice" and value not in f.metadata["among"]:
             raise InputError(f"{f.name} is {quoted(value)}; allowed are {', '.join(f.metadata['among'])}")
-        if kind == "number" and not _within(value, f.metadata):
+        may_be_none = value is None and f.default is None
+        if kind == "number" and not may_be_none and not _within(value, f.metadata):
             unit = f" {f.metadata['unit']}" if f.metadata["unit"] else ""
             raise InputError(f"{f.name} is {value}{unit}; give {f.metadata['what']}{_bounds(f.metadata)}")
         if kind == "numbers":
@@ -126,6 +144,7 @@ def _within(value: float, allowed: Any) -> bool:
     least, above, most, below = (allowed.get(name) for name in ("least", "above", "most", "below"))
     return (
         isfinite(value)
+        and (value == int(value) or not allowed.get("whole"))
         and (least is None or value >= least)
         and (above is None or value > above)
         and (most is None or value <= most)
@@ -136,17 +155,21 @@ def _within(value: float, allowed: Any) -> bool:
 def _bounds(allowed: Any) -> str:
     """What bounds mean in words, such as ", zero or more" and " from 2 to 40"."""
     least, above, most, below = (allowed.get(name) for name in ("least", "above", "most", "below"))
-    end = f" to {most:g}" if most is not None else f" to below {below:g}" if below is not None else ""
+    end = f"{most:g}" if most is not None else f"below {below:g}" if below is not None else ""
     if least is not None:
-        return f" from {least:g}{end}" if end else ", zero or more" if least == 0 else f", {least:g} or more"
+        return f" from {least:g} to {end}" if end else ", zero or more" if least == 0 else f", {least:g} or more"
     if above is not None:
-        end = f" and up{end}" if most is not None else end.replace(" to", " and", 1)
-        return f" above {above:g}{end}" if end else f" above {above:g}".replace(" 0", " zero")
-    return f" up{end}" if end else ""
+        at_most = "at most " if most is not None else ""
+        return f" above {above:g} and {at_most}{end}" if end else f" above {above:g}".replace(" 0", " zero")
+    return f" up to {end}" if end else ""
 
 
 def _converted(wanted: str, f: Field[Any], value: Any) -> Any:
     default = f.default if f.default is not MISSING else None
+    if default is None and f.metadata.get("kind") == "number":
+        if value is None or value == "none":
+            return None
+        return _number(f"{wanted} a number, or none", int if f.metadata["whole"] else float, value)
     if default is None:
         return None if value is None else _floats(value, f"{wanted} numbers, such as 1,0,0.5")
     if isinstance(default, tuple) and default and isinstance(default[0], tuple):
@@ -160,11 +183,15 @@ def _converted(wanted: str, f: Field[Any], value: Any) -> Any:
     if isinstance(default, tuple):
         return _tuple(wanted, f, value, default)
     if isinstance(default, float | int):
-        try:
-            return type(default)(value)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise InputError(f"{wanted} a number, such as {default}") from error
+        return _number(f"{wanted} a number, such as {default}", type(default), value)
     return str(value)
+
+
+def _number(wanted: str, kind: type[float | int], value: Any) -> float | int:
+    try:
+        return kind(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(wanted) from error
 
 
 def _tuple(wanted: str, f: Field[Any], value: Any, default: tuple[Any, ...]) -> tuple[float, ...]:

@@ -13,6 +13,7 @@ from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, UnknownName, quoted
 from ocp_traj.formulation.case import convert
 from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.summary import Summary
 
 GROUP = "ocp_traj.problems"  # entry points NAME = "module", of modules that have ``build`` and ``Case``
 
@@ -98,3 +99,9 @@ def load(id: str, **changes: Any) -> Problem:
     """
     found = entry(id)
     return found.build(found.case(**convert(id, found.case, changes)))
+
+
+def summary(id: str) -> Summary:
+    """What a list says of a problem: its module's own ``SUMMARY``, where building it takes long, or by building it."""
+    found: Summary | None = getattr(module(id), "SUMMARY", None)
+    return found if found is not None and found.id == id else Summary.of(load(id))

@@ -218,6 +218,13 @@ class PointConstraint:
             raise ProblemDefinitionError(
                 f"point constraint {self.id!r}: {len(self.units)} units for {len(self.labels)} labels"
             )
+        for bound in (self.lower, self.upper):
+            if np.isnan(bound).any():
+                (k, u), row = self.at[np.argwhere(np.isnan(bound))[0, 0]], np.argwhere(np.isnan(bound))[0, 1]
+                raise ProblemDefinitionError(
+                    f"point constraint {self.id!r}: the bound of {self.labels[row]} at segment {k}, u = {u:g} is no "
+                    "number; give one"
+                )
         if not (self.lower <= self.upper).all():
             raise ProblemDefinitionError(f"point constraint {self.id!r}: a lower bound lies above its upper bound")
         if not 0.0 < self.tolerance < np.inf:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+VARIABLE = "variable"  # limit of a row that is a bound on a variable, its label the variable's
+
 
 @dataclass(frozen=True)
 class Row:

@@ -34,7 +34,7 @@ class Tuning:
         max_exchanges: rounds of constraint exchange; flat valleys need more.
         regularisation: {objective: weight}, added to the scalarised objective of every NLP, each over its scale: makes
             the optimum unique where many trajectories are equally good.
-        solver_options: of the NLP solver, in its own names, where its defaults converge badly.
+        solver_options: of NLP solvers, {solver: {its own name of an option: value}}, where its own converge badly.
     """
 
     starts: int = 1
@@ -43,7 +43,7 @@ class Tuning:
     instants_move: bool = True
     max_exchanges: int = 10
     regularisation: Mapping[str, float] = field(default_factory=dict)
-    solver_options: Mapping[str, Any] = field(default_factory=dict)
+    solver_options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Checks the numbers."""

@@ -10,7 +10,6 @@ from typing import Any, Self
 
 import casadi
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import fixed_quad
 from scipy.interpolate import make_interp_spline
@@ -63,6 +62,8 @@ class PolylineSeam:
         """From a CSV file with the columns x, y, z [m] and nx, ny, nz, the normal that points out of the seam."""
         path, wanted = Path(file), ["x", "y", "z", "nx", "ny", "nz"]
         text = read_text(path, "seam")
+        import pandas as pd  # costs 0.3 s, which problems need not
+
         try:
             table = pd.read_csv(StringIO(text))
         except ValueError as error:  # of pandas' parser

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,13 +37,6 @@ class ParetoSet:
     seconds: float
     info: Mapping[str, Any] = field(default_factory=dict)
     interrupted: bool = False
-
-
-class FrontMethod(Protocol):
-    """Anything that approximates a Pareto set."""
-
-    def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
-        """Approximates the Pareto set of some objectives of a problem."""
 
 
 def proved_front(problem: Problem, objectives: Sequence[str], found: ParetoSet, keep_unproved: bool = False) -> Front:

@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.errors import NoSolutionFound, ProblemDefinitionError
-from ocp_traj.formulation.rows import Conflict, Row
+from ocp_traj.formulation.rows import VARIABLE, Conflict, Row
 from ocp_traj.transcription.program import Program, SymbolicProgram
 
 Array = NDArray[np.float64]
+
+MOST = 6  # limits that are missed, and bounds that are in the way, in a message: our choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +32,8 @@ class NLP:
         labels: one an entry of x.
         units: one an entry of x.
         initial_slacks: the problem's own variables -> starting values of the slacks that follow them in x.
+        options: in place of a solver's usual ones: {solver: {its own name of an option: value}}.
         memory: a solver keeps here what it has built for this NLP.
-        options: for the solver, by IPOPT's names, in place of its usual ones.
     """
 
     name: str
@@ -44,7 +46,7 @@ class NLP:
     labels: tuple[str, ...]
     units: tuple[str, ...]
     initial_slacks: Callable[[Array], Array] = lambda x: np.zeros(0)
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     memory: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -94,6 +96,40 @@ class NLP:
         gaps = np.concatenate([self.lower_x - x, x - self.upper_x, self.lower_g - g, g - self.upper_g])
         return float(max(np.max(gaps, initial=0.0), 0.0)) if np.isfinite(gaps[~np.isinf(gaps)]).all() else np.inf
 
+    def result(
+        self, found: Mapping[str, Any], status: Status, feasibility: float, iterations: int, seconds: float, detail: str
+    ) -> NLPResult:  # fmt: skip
+        """What one of CasADi's solvers has found, its violation recomputed.
+
+        Args:
+            found: the solver's outputs.
+            status: what it says of them; a point that breaks a row or bound by more than ``feasibility`` is FAILED.
+            feasibility: up to which a point counts as feasible; one that it stopped at is then FEASIBLE.
+            iterations: spent.
+            seconds: spent.
+            detail: its own words.
+        """
+        x, g, lam_g, lam_x = (np.array(found[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
+        violation = self.violation(x, g)
+        if status.ok and not violation <= feasibility:
+            status = Status.FAILED
+        elif status in _STOPPED and violation <= feasibility:
+            status = Status.FEASIBLE
+        return NLPResult(
+            name=self.name,
+            x=x,
+            f=float(found["f"]),
+            status=status,
+            violation=violation,
+            iterations=iterations,
+            seconds=seconds,
+            multipliers=dict(zip(self.rows, lam_g.tolist(), strict=True)),
+            bound_multipliers=lam_x,
+            slacks=dict(zip(self.rows, np.minimum(g - self.lower_g, self.upper_g - g).tolist(), strict=True)),
+            row_count=len(self.rows),
+            detail=detail,
+        )
+
 
 class Status(Enum):
     """How a solve ended.
@@ -118,6 +154,9 @@ class Status(Enum):
     def ok(self) -> bool:
         """Whether the point returned is feasible and meant to be used."""
         return self in (Status.SOLVED, Status.ACCEPTABLE, Status.FEASIBLE)
+
+
+_STOPPED = (Status.LOCALLY_INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT)  # perhaps at a feasible point
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,12 +208,16 @@ class NLPResult:
 
     def explain(self) -> str:
         """One line: how it ended and, where infeasible, the limits in conflict, worst first."""
-        worst = "; ".join(str(conflict) for conflict in self.conflicts[:6])
+        # A bound on a variable may be the cause of all that is missed: it is not to be crowded out.
+        missed = [conflict for conflict in self.conflicts if conflict.excess > 0.0]
+        held = [conflict for conflict in self.conflicts if conflict.excess <= 0.0]
+        held.sort(key=lambda conflict: conflict.row.limit != VARIABLE)
+        worst = "; ".join(str(conflict) for conflict in (*missed[:MOST], *held[:MOST]))
         if self.status is Status.INFEASIBLE and worst:
             return f"{self.name}: no trajectory meets these limits together: {worst}"
         if self.status is Status.LOCALLY_INFEASIBLE:
             tried = "the one start found no" if self.starts == 1 else f"none of {self.starts} starts found a"
-            missed = worst or f"its limits by {self.violation:.3g} of their scale"
-            return f"{self.name}: {tried} trajectory; the nearest misses {missed}"
+            words = worst or f"its limits by {self.violation:.3g} of their scale"
+            return f"{self.name}: {tried} trajectory; the nearest misses {words}"
         effort = f"after {self.iterations} iterations, violation {self.violation:.3g}"
         return f"{self.name}: {self.status.value} {effort} ({self.detail})"

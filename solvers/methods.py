@@ -1,0 +1,62 @@
+"""Methods by name, imported when they are used, and what text may say of their options."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from importlib import import_module
+from typing import Any
+
+from ocp_traj.errors import InputError, nearest, quoted
+from ocp_traj.formulation.case import convert
+
+MOST = 100_000  # of anything that is counted: our choice, what a machine's memory holds
+FLAGS = ("seed", "points")  # options for which the command line has flags of their own
+
+# Classes of methods that solve, and of those that find fronts.
+SOLVE = {
+    "exchange": "ocp_traj.solvers.exchange:Exchange",
+    "pso": "ocp_traj.solvers.pso:PSO",
+    "ga": "ocp_traj.solvers.ga:GA",
+}
+FRONT = {
+    "trace": "ocp_traj.solvers.front_tracer:FrontTracer",
+    "nsga2": "ocp_traj.solvers.nsga2:NSGA2",
+    "mopso": "ocp_traj.solvers.mopso:MOPSO",
+    "hmoga": "ocp_traj.solvers.hmoga:HMOGA",
+}
+
+
+def method_class(table: Mapping[str, str], method: str) -> type[Any]:
+    """The class of a method, imported."""
+    if method not in table:
+        raise InputError(f"there is no method {quoted(method)}; methods are {', '.join(table)}")
+    module, _, name = table[method].partition(":")
+    found: type[Any] = getattr(import_module(module), name)
+    return found
+
+
+def configured(table: Mapping[str, str], method: str, **options: Any) -> Any:
+    """A method's object; options it does not have are refused."""
+    cls = method_class(table, method)
+    known = [f.name for f in fields(cls)]
+    for name in options:
+        if name not in known:
+            raise InputError(
+                f"{method} has no option {quoted(name)}{nearest(name, known)}; options are {', '.join(known)}"
+            )
+    return cls(**options)
+
+
+def options_from_text(table: Mapping[str, str], method: str, texts: Mapping[str, str]) -> dict[str, Any]:
+    """Options as text, as values of their types: of those fields of the method's class that text can say.
+
+    They are the fields that say what they may be, with ``formulation.case``, and those that are true or false.
+    """
+    cls = method_class(table, method)
+    known = [f.name for f in fields(cls) if (f.metadata or isinstance(f.default, bool)) and f.name not in FLAGS]
+    found = convert(method, cls, dict(texts), "option", known)
+    for name, value in found.items():
+        if isinstance(value, int) and value > MOST:
+            raise InputError(f"{method}: {name} is {value}; give at most {MOST}")
+    return found
