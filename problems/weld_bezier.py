@@ -199,7 +199,6 @@ def _problem(
     least, most = np.full(2, case.min_air_time), np.full(2, case.max_air_time)
     variables = (*tags.variables("rad", "sect. III-C"), Variable("T", least, most, "s", labels, "our choice"))
     lower, upper = (np.concatenate([getattr(v, end) for v in variables]) for end in ("lower", "upper"))
-
     held = [t for constraint in paced for t in constraint.lower]
     kinds = {"position": "(20)", **dict.fromkeys(("velocity", "acceleration", "jerk", "snap"), "Table 3")}
     efforts = np.full(6, PRINTED_EFFORT) if case.as_printed else kr90.EFFORT
@@ -229,8 +228,7 @@ def _about(case: Ogbemhe2019, words: str, curve_kind: str, **more: Any) -> About
     notes = ["the robot is a stand-in for the KR90: KR150 R3100-2 inertias and efforts on the KR90's dimensions"]
     if case.as_printed:
         notes.append(f"torque limit {PRINTED_EFFORT:g} N m on every joint, as printed: it never binds")
-    title = f"KUKA KR90 stand-in, nonic Bezier segments, {words}"
-    return About(title, REFERENCE, curve_kind, tuple(notes), **more)
+    return About(f"KUKA KR90 stand-in, nonic Bezier segments, {words}", REFERENCE, curve_kind, tuple(notes), **more)
 
 
 def _weld(case: Ogbemhe2019) -> Problem:

@@ -203,7 +203,7 @@ HEAVY = ("casadi", "pinocchio", "scipy", "pandas", "pymoo", "matplotlib")
         (["problems"], {"casadi", "pinocchio", "scipy"}),
         (["show", "weld-bezier", "--set", "case=air-move"], {"casadi", "pinocchio", "scipy"}),
     ],
-    ids=" ".join,
+    ids=["help", "help of solve", "problems", "show"],
 )
 def test_a_command_imports_no_more_than_it_needs(arguments: list[str], imported: set[str]) -> None:
     """Counted, not timed: each of these costs 0.1 to 0.5 s of a start."""

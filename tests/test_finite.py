@@ -16,8 +16,8 @@ from ocp_traj.formulation.requirements import PathConstraint, PointConstraint, R
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.fatrop import Fatrop
 from ocp_traj.transcription.finite import not_finite
+from ocp_traj.transcription.instants import few_instants
 from ocp_traj.transcription.nlp import Status
-from ocp_traj.transcription.transcription import few_instants
 from tests.closed_form import quintic_problem
 
 

@@ -14,8 +14,9 @@ from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.fatrop import Fatrop
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.multistart import Multistart
+from ocp_traj.transcription.instants import few_instants
 from ocp_traj.transcription.nlp import Status
-from ocp_traj.transcription.transcription import few_instants, transcribe
+from ocp_traj.transcription.transcription import transcribe
 from tests.closed_form import small_nlp
 from tests.test_imports import modules
 
