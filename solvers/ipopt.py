@@ -155,8 +155,8 @@ class Ipopt:
             "fixed_variable_treatment": "make_parameter",
         }
         if warm:
-            # Measured on fronts and rounds of all problems: a start this far off its bounds takes fewest iterations; where
-            # the barrier stays high, that alone holds it off, and more loses what is known.
+            # Measured: from a start this far off its bounds fronts take fewest iterations; where the barrier stays high
+            # that holds it off by itself, and more loses what is known.
             target = float(wanted.get("mu_target", 0.0))
             settings |= dict.fromkeys(_PUSHES, 1e-9 if target > 0.0 else 1e-4)
             settings |= {"warm_start_init_point": "yes", "mu_init": max(1e-8, target)}

@@ -111,7 +111,7 @@ class Multistart:
     def _shared(
         self, problem: Problem, scalarisation: Scalarisation, pairs: list[_Pair]
     ) -> Callable[..., list[Solution]]:
-        """One solution a start, ``SOLVES`` with ``all_optima``; first NLPs that lead to one point share what comes of it.
+        """One solution a start, ``SOLVES`` with ``all_optima``; first NLPs that lead to one point share the rest.
 
         ``pairs`` collects what each first NLP has led to.
         """
