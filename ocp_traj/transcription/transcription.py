@@ -46,7 +46,7 @@ def transcribe(
         Slacks of objectives that take no part stay at their lower bounds.
     """
     check_names(problem, scalarisation)
-    scalar = ScalarObjective(problem, scalarisation)
+    scalar = _scalar(problem, scalarisation)
     table = _Table(problem)
     steps = [table.steps(objective, instants) for objective in variations(problem, scalarisation.names)]
     for limit in problem.requirements.path_constraints:
@@ -91,6 +91,15 @@ def transcribe(
         initial_slacks=initial_slacks,
         options=problem.tuning.solver_options,
     )
+
+
+def _scalar(problem: Problem, scalarisation: Scalarisation) -> ScalarObjective:
+    """The objectives as one, compiled once for the rounds of a solve."""
+    memory: dict[str, Any] = problem.cached("scalarisation", dict)
+    if memory.get("of") is not scalarisation:
+        memory["of"], memory["compiled"] = scalarisation, ScalarObjective(problem, scalarisation)
+    compiled: ScalarObjective = memory["compiled"]
+    return compiled
 
 
 @dataclass(frozen=True, eq=False)
