@@ -176,6 +176,8 @@ class Exchange:
                 number, most, f"{len(nlp.rows)} rows, {'proved' if excess <= 0.0 else f'excess {excess:.2g}'}"
             )
             if proved and proved[-1] is solution and updated is None:
+                if problem.tuning.instants is None:  # a neighbour's solve begins with these
+                    solution = replace(solution, instants=tuple(_near(instants, problem, solution)))
                 return _tightened(problem, scalarisation, solution) if self.prove else solution
             if before / STALLED < excess < NEGLIGIBLE:
                 back_off += 2.0 * excess  # flat peaks wander for ever: stay clear of the limit by what they wander
