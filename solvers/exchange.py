@@ -44,7 +44,7 @@ STALLED, NEGLIGIBLE = (
     4.0,
     1e-6,
 )  # a round that gains less than this factor on an excess this small: back off; our choice
-WARM_ITERATIONS = 80  # a warm start that needs more is none
+WARM_ITERATIONS = 40  # a warm start that needs more is none: from a cold one some 25 are enough
 GAINS = 2.0  # a round that reduces the excess by less than this gains too little; our choice
 NEAR = 0.15  # of a segment: a new peak this close to a moving instant replaces it
 
