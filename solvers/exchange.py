@@ -85,7 +85,7 @@ class Exchange:
         return problem.tuning.max_exchanges if self.max_exchanges is None else self.max_exchanges
 
     def _first(self, problem: Problem, warm: Solution | None) -> list[Instant]:
-        given = list(self.first or few_instants(problem))
+        given = list(few_instants(problem) if self.first is None else self.first)
         if warm is None:  # slopes of another solution mislead where its multipliers do not come with them
             given = [replace(instant, slope=None, sweep_slope=None) for instant in given]
         return given
