@@ -295,7 +295,7 @@ def _near(instants: list[Instant], problem: Problem, solution: Solution) -> list
     kept = []
     known = {limit.id for limit in problem.requirements.path_constraints}
     for instant in instants:
-        if instant.limit not in known:  # of a total variation
+        if instant.limit not in known or instant.control is not None:  # of a total variation, or one of all that hold
             kept.append(instant)
             continue
         limit = _limit(problem, instant)

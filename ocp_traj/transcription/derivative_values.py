@@ -66,10 +66,11 @@ class DerivativeValues(BySegment):
             basis = derivative_basis(degree, u[here], int(self.order[here].max()) + more)
             for extra in range(more + 1):
                 found[here, extra, : degree + 1] = basis[np.arange(len(here)), self.order[here] + extra]
-        for j in np.nonzero(self._control >= 0)[0].tolist():
-            degree = int(degrees[j])
-            found[j] = 0.0
-            found[j, 0, : degree + 1] = difference_matrix(degree, int(self.order[j]))[self._control[j]]
+        hull = self._control >= 0
+        found[hull] = 0.0
+        for degree, order in set(zip(degrees[hull].tolist(), self.order[hull].tolist(), strict=True)):
+            here = np.nonzero(hull & (degrees == degree) & (self.order == order))[0]
+            found[here, 0, : degree + 1] = difference_matrix(degree, order)[self._control[here]]
         return found
 
 
@@ -122,12 +123,13 @@ class DerivativeValuesAt:
         cross = -order * factor / self._duration
         twice = order * (order + 1) * self._derivatives[:, 0] * factor / self._duration**2
         # Of a symmetric sum a half, to which its mirror is added.
-        left = cross[:, None] * derivative + 0.5 * twice[:, None] * duration
-        half = left[:, :, None] * duration[:, None, :]
+        left = np.zeros_like(shape.slopes[1])
+        of.add_by_segment(left, cross[:, None] * derivative + 0.5 * twice[:, None] * duration)
+        half = left[:, :, None] * shape.slopes[1][:, None, :]
         if self._slopes is not None:
             points = shape.slopes[0][of.segments, :, of.joint]
             a = (self._weights[:, None, 1] @ points)[:, 0] + 0.5 * self._derivatives[:, 2:] * self._slopes
-            half += (factor[:, None] * a)[:, :, None] * self._slopes[:, None, :]
+            of.add_by_segment(half, (factor[:, None] * a)[:, :, None] * self._slopes[:, None, :])
         points, durations, parameters = (np.zeros_like(v) for v in (shape.points, shape.durations, shape.parameters))
         spread = np.zeros((len(weight), points.shape[1], of.shape.dof))
         spread[np.arange(len(weight)), :, of.joint] = factor[:, None] * self._weights[:, 0]

@@ -27,7 +27,7 @@ class HessianSum:
     def add(self, values: InstantValuesAt | DerivativeValuesAt, weights: Array) -> None:
         """Adds the second derivatives of values at instants times weights ``(N, rows)``."""
         found = values.curvature(weights)
-        values.of.add_by_segment(self.local, found.local)
+        self.local += found.local
         self.points += found.points
         self.durations += found.durations
         self.parameters += found.parameters

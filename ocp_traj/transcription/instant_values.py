@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.curves.bernstein import derivative_basis, difference_matrix
+from ocp_traj.curves.bernstein import derivative_basis
 from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS
@@ -35,7 +35,7 @@ class Curvature(NamedTuple):
     """Second derivatives of a weighted sum of values.
 
     Attributes:
-        local: Hessian of each instant in the variables of its segment, the curve's bend left out, ``(N, m, m)``.
+        local: Hessians in the variables of each segment, the curve's bend left out, ``(K, m, m)``.
         points, durations, parameters: weights of the curve's bend ``(K, most + 1, dof)``, ``(K,)``, ``(K, n_p)``.
     """
 
@@ -102,9 +102,8 @@ class InstantValues(BySegment):
     def __init__(
         self, shape: Shape, kernel: Kernel, segments: Index, u: Array, sweep: Array | None = None,
         slopes: Array | None = None, sweep_slopes: Array | None = None, constants: Array | None = None,
-        control: Index | None = None,
     ) -> None:  # fmt: skip
-        self.shape, self.kernel, self.control = shape, kernel, control
+        self.shape, self.kernel = shape, kernel
         self.segments = segments
         self.u, self.sweep, self.slopes, self.sweep_slopes = u, sweep, slopes, sweep_slopes
         self.constants = np.zeros((len(self.segments), 0)) if constants is None else constants
@@ -119,11 +118,9 @@ class InstantValues(BySegment):
         table = None if limit is None else limit.constants
         u, slopes = lines(shape, segments, [(i.u, i.slope, i.anchor) for i in instants])
         along, sweep_slopes = lines(shape, segments, [(i.sweep, i.sweep_slope, i.anchor) for i in instants])
-        hull = any(i.control is not None for i in instants)
         return cls(
             shape, kernel, segments, u, along if limit is not None and limit.sweep else None, slopes, sweep_slopes,
             None if table is None else table[segments],
-            np.array([i.control for i in instants], dtype=np.intp) if hull else None,
         )  # fmt: skip
 
     def depends(self) -> NDArray[np.bool_]:
@@ -159,12 +156,7 @@ class InstantValues(BySegment):
         """What takes control points to derivatives in local time of order 0 .. ``top``: ``(N, top + 1, most + 1)``."""
         found = np.zeros((len(u), top + 1, int(self.shape.degrees.max()) + 1))
         for degree, here in self._by_degree:
-            if self.control is None:
-                found[here, :, : degree + 1] = derivative_basis(degree, u[here], top)
-                continue
-            for order in range(min(top, degree) + 1):
-                rows = np.minimum(self.control[here], degree - order)
-                found[here, order, : degree + 1] = difference_matrix(degree, order)[rows]
+            found[here, :, : degree + 1] = derivative_basis(degree, u[here], top)
         return found
 
 
@@ -265,6 +257,8 @@ class InstantValuesAt:
             local += sides + np.swapaxes(sides, 1, 2)
             local += c[:, None, None] * self._u_slopes[:, :, None] * self._u_slopes[:, None, :]
         points, durations, parameters = (np.zeros_like(v) for v in (shape.points, shape.durations, shape.parameters))
+        total = np.zeros((len(durations), *local.shape[1:]))
+        self.of.add_by_segment(total, local)
         if kernel.orders:
             of_states = self._of_states(gradient)
             self.of.add_by_segment(points, np.swapaxes(self._basis[:, kernel.orders], 1, 2) @ of_states)
@@ -272,7 +266,7 @@ class InstantValuesAt:
             self.of.add_by_segment(durations, gradient[:, kernel.duration.start])
         if kernel.parameters.stop > kernel.parameters.start:
             self.of.add_by_segment(parameters, gradient[:, kernel.parameters])
-        return Curvature(local, points, durations, parameters)
+        return Curvature(total, points, durations, parameters)
 
     def _of_states(self, gradient: Array) -> Array:
         """The part of a gradient in Z that belongs to derivatives of the joints ``(N, orders, dof)``."""

@@ -56,17 +56,20 @@ class Instant:
 def few_instants(problem: Problem) -> tuple[Instant, ...]:
     """The first grid of constraint exchange: degree/2 + 1 instants a segment, at least 3, or as the problem has it.
 
-    A limit on a derivative that is constant, or linear, on its segments gets the 1 or 2 instants that are exact.
+    A limit on a derivative that is constant, or linear, on its segments gets the 1 or 2 instants that are exact; one
+    that the problem wants hull rows for, the control points of its derivative.
     """
     degree = degrees(problem)
-    wanted = problem.tuning.instants
+    wanted, hull = problem.tuning.instants, problem.tuning.hull_rows
 
     def places(k: int, limit: PathConstraint) -> Sequence[float]:
+        if limit.id in hull:
+            return _even(max(degree[k] - (limit.order or 0), 0) + 1)
         if isinstance(wanted, Mapping):
             return wanted.get(limit.id, ())
         return _even(_count(degree[k], limit, wanted))
 
-    return tuple(_grid(problem, places))
+    return tuple(_grid(problem, places, hull))
 
 
 def uniform_instants(problem: Problem, per_segment: int) -> tuple[Instant, ...]:
@@ -86,16 +89,18 @@ def _count(degree: int, limit: PathConstraint, wanted: int | None) -> int:
     return left + 1 if left < 2 else few
 
 
-def _grid(problem: Problem, places: Callable[[int, PathConstraint], Sequence[float]]) -> Iterable[Instant]:
+def _grid(
+    problem: Problem, places: Callable[[int, PathConstraint], Sequence[float]], hull: Sequence[str] = ()
+) -> Iterable[Instant]:
     segments = len(degrees(problem))
     for limit in problem.requirements.path_constraints:
         shared = problem.requirements.continuous(limit)
         for k in filter(limit.holds_on, range(segments)):
-            for u in places(k, limit):
+            for i, u in enumerate(places(k, limit)):
                 if not (shared and u == 1.0 and k < segments - 1):
-                    yield from (
-                        Instant(limit.id, k, float(u), sweep=s) for s in (FEW_SWEEPS if limit.sweep else (0.0,))
-                    )
+                    control = i if limit.id in hull else None
+                    for sweep in FEW_SWEEPS if limit.sweep else (0.0,):
+                        yield Instant(limit.id, k, float(u), sweep=sweep, control=control)
 
 
 def step_nodes(problem: Problem, objective: Objective, row: int, instants: Sequence[Instant]) -> list[Instant]:

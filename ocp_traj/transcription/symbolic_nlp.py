@@ -9,6 +9,7 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.curves.bernstein import difference_matrix
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint
 from ocp_traj.formulation.scalarise import Scalarisation
@@ -65,7 +66,13 @@ def limit_values(curve: SymbolicCurve, limit: PathConstraint, members: Sequence[
     segments, n = [m.segment for m in members], len(members)
     if limit.order is not None:
         dof = problem.requirements.dof
-        return states_at(curve, segments, local)[limit.order * dof : (limit.order + 1) * dof, :]
+        values = casadi.horzsplit(states_at(curve, segments, local)[limit.order * dof : (limit.order + 1) * dof, :])
+        for j, member in enumerate(members):
+            if member.control is not None:
+                points = curve.points[member.segment]
+                row = difference_matrix(points.shape[0] - 1, limit.order)[member.control]
+                values[j] = points.T @ casadi.DM(row) / curve.durations[member.segment] ** limit.order
+        return casadi.horzcat(*values)
     constants = np.zeros((n, 0)) if limit.constants is None else limit.constants[segments]
     function = problem.requirements.function(limit)
     place = local.T

@@ -40,10 +40,11 @@ def worst_instants(problem: Problem, x: Array, back_off: float) -> tuple[list[In
     found: list[Instant] = []
     worst = 0.0
     for limit in problem.requirements.path_constraints:
-        peaks = _Peaks(problem, limit, shape, back_off)
-        members, excess = peaks.sharpened()
+        # Hull rows hold a limit between instants: of it a peak is one that breaks the limit itself.
+        inside = 0.0 if limit.id in problem.tuning.hull_rows else back_off
+        members, excess = _Peaks(problem, limit, shape, inside).sharpened()
         found += members
-        worst = max(worst, excess - back_off)
+        worst = max(worst, excess - inside)
     return found, worst
 
 
