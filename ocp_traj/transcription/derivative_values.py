@@ -37,7 +37,7 @@ class DerivativeValues(BySegment):
         self.order, self.joint = (np.array([e[i] for e in entries], dtype=np.intp) for i in (0, 1))
         instants = [instant for _, _, instant in entries]
         self.segments = np.array([i.segment for i in instants], dtype=np.intp)
-        self.u, self.slopes = lines(self.shape, self.segments, [(i.u, i.slope, i.anchor) for i in instants])
+        self.u, self.slopes = lines(self.shape, instants, [(i.u, i.slope) for i in instants])
         self._control = np.array([-1 if i.control is None else i.control for i in instants], dtype=np.intp)
 
     def depends(self) -> NDArray[np.bool_]:
@@ -127,9 +127,11 @@ class DerivativeValuesAt:
         of.add_by_segment(left, cross[:, None] * derivative + 0.5 * twice[:, None] * duration)
         half = left[:, :, None] * shape.slopes[1][:, None, :]
         if self._slopes is not None:
-            points = shape.slopes[0][of.segments, :, of.joint]
-            a = (self._weights[:, None, 1] @ points)[:, 0] + 0.5 * self._derivatives[:, 2:] * self._slopes
-            of.add_by_segment(half, (factor[:, None] * a)[:, :, None] * self._slopes[:, None, :])
+            few = np.flatnonzero(self._slopes.any(axis=1))
+            segments, slopes = of.segments[few], self._slopes[few]
+            a = (self._weights[few, None, 1] @ shape.slopes[0][segments, :, of.joint[few]])[:, 0]
+            a = factor[few, None] * (a + 0.5 * self._derivatives[few, 2:] * slopes)
+            np.add.at(half, segments, a[:, :, None] * slopes[:, None, :])
         points, durations, parameters = (np.zeros_like(v) for v in (shape.points, shape.durations, shape.parameters))
         spread = np.zeros((len(weight), points.shape[1], of.shape.dof))
         spread[np.arange(len(weight)), :, of.joint] = factor[:, None] * self._weights[:, 0]

@@ -116,8 +116,8 @@ class InstantValues(BySegment):
         segments = np.array([instant.segment for instant in instants], dtype=np.intp)
         limit = next((c for c in problem.requirements.path_constraints if c.id == name), None)
         table = None if limit is None else limit.constants
-        u, slopes = lines(shape, segments, [(i.u, i.slope, i.anchor) for i in instants])
-        along, sweep_slopes = lines(shape, segments, [(i.sweep, i.sweep_slope, i.anchor) for i in instants])
+        u, slopes = lines(shape, instants, [(i.u, i.slope) for i in instants])
+        along, sweep_slopes = lines(shape, instants, [(i.sweep, i.sweep_slope) for i in instants])
         return cls(
             shape, kernel, segments, u, along if limit is not None and limit.sweep else None, slopes, sweep_slopes,
             None if table is None else table[segments],
@@ -313,19 +313,22 @@ def moved_places(start: Array, slopes: Array | None, local: Array) -> tuple[Arra
 
 
 def lines(
-    shape: Shape, segments: NDArray[np.intp], places: Sequence[tuple[float, Array | None, Array | None]]
+    shape: Shape, instants: Sequence[Instant], places: Sequence[tuple[float, Array | None]]
 ) -> tuple[Array, Array | None]:
-    """Places at x = 0 ``(N,)`` and their slopes in the segments' variables, None where none has any."""
-    start = np.array([place for place, _, _ in places], dtype=float)
-    if all(slope is None or anchor is None for _, slope, anchor in places):
+    """Places of instants at x = 0 ``(N,)`` and their slopes in the segments' variables, None where none has any."""
+    start = np.array([place for place, _ in places], dtype=float)
+    if all(slope is None or i.anchor is None for i, (_, slope) in zip(instants, places, strict=True)):
         return start, None
-    slopes = np.zeros((len(places), shape.columns.shape[1]))
-    for j, (_, slope, anchor) in enumerate(places):
-        if slope is not None and anchor is not None:
-            slopes[j] = np.append(slope, 0.0)[shape.columns[segments[j]]]
-            if np.count_nonzero(slopes[j]) < np.count_nonzero(slope):
+    slopes, anchors = np.zeros((2, len(places), shape.columns.shape[1]))
+    for j, (instant, (_, slope)) in enumerate(zip(instants, places, strict=True)):
+        if slope is not None and instant.anchor is not None:
+            used = np.flatnonzero(slope)
+            own, columns = shape.columns[instant.segment], used if instant.columns is None else instant.columns[used]
+            at = np.searchsorted(own[own < shape.size], columns)
+            if not np.isin(columns, own).all():
                 raise ProblemDefinitionError(
-                    f"an instant on segment {segments[j]} moves with variables that the segment does not depend on"
+                    f"an instant on segment {instant.segment} moves with variables that the segment does not depend on"
                 )
-            start[j] -= float(slopes[j] @ np.append(anchor, 0.0)[shape.columns[segments[j]]])
+            slopes[j, at], anchors[j, at] = slope[used], instant.anchor[used]
+            start[j] -= float(slopes[j] @ anchors[j])
     return start, slopes

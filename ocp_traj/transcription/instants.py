@@ -31,6 +31,7 @@ class Instant:
         rows: indices of the limit's rows, None for all.
         slope: s ``(n,)``, or None for an instant that stays.
         anchor: x_0 ``(n,)``.
+        columns: the variables that slopes and anchor are given for, in order, where not for all ``n``.
         sweep: of a swept limit, s_0.
         sweep_slope: of s, like ``slope``.
         control: of a limit on a derivative, the control point of that derivative on the segment which is held within
@@ -46,6 +47,7 @@ class Instant:
     sweep: float = 0.0
     sweep_slope: Array | None = None
     control: int | None = None
+    columns: NDArray[np.intp] | None = None
 
     @property
     def moves(self) -> bool:
@@ -116,16 +118,19 @@ def step_nodes(problem: Problem, objective: Objective, row: int, instants: Seque
 
 def where(instant: Instant, x: Array) -> float:
     """Local time of an instant at x."""
-    return _moved(instant.u, instant.slope, instant.anchor, x)
+    return _moved(instant, instant.u, instant.slope, x)
 
 
 def along(instant: Instant, x: Array) -> float:
     """Place along the sweep of an instant at x."""
-    return _moved(instant.sweep, instant.sweep_slope, instant.anchor, x)
+    return _moved(instant, instant.sweep, instant.sweep_slope, x)
 
 
-def _moved(start: float, slope: Array | None, anchor: Array | None, x: Array) -> float:
-    return start if slope is None or anchor is None else float(np.clip(start + slope @ (x - anchor), 0.0, 1.0))
+def _moved(instant: Instant, start: float, slope: Array | None, x: Array) -> float:
+    if slope is None or instant.anchor is None:
+        return start
+    own = x if instant.columns is None else x[instant.columns]
+    return float(np.clip(start + slope @ (own - instant.anchor), 0.0, 1.0))
 
 
 def frozen(instant: Instant, x: Array) -> Instant:

@@ -84,18 +84,19 @@ def limit_values(curve: SymbolicCurve, limit: PathConstraint, members: Sequence[
 
 
 def _local_time(instant: Instant, x: Any) -> Any:
-    return _moved(instant.u, instant.slope, instant.anchor, x)
+    return _moved(instant, instant.u, instant.slope, x)
 
 
 def _along(instant: Instant, x: Any) -> Any:
-    return _moved(instant.sweep, instant.sweep_slope, instant.anchor, x)
+    return _moved(instant, instant.sweep, instant.sweep_slope, x)
 
 
-def _moved(start: float, slope: Array | None, anchor: Array | None, x: Any) -> Any:
-    if slope is None or anchor is None:
+def _moved(instant: Instant, start: float, slope: Array | None, x: Any) -> Any:
+    if slope is None or instant.anchor is None:
         return casadi.MX(start)
-    few = np.nonzero(slope)[0].tolist()  # an instant moves with the variables of its own segment
-    if not few:
+    few = np.nonzero(slope)[0]  # an instant moves with the variables of its own segment
+    if not len(few):
         return casadi.MX(start)
-    moved = start + casadi.dot(casadi.DM(slope[few]), x[few] - casadi.DM(anchor[few]))
+    columns = few if instant.columns is None else instant.columns[few]
+    moved = start + casadi.dot(casadi.DM(slope[few]), x[columns.tolist()] - casadi.DM(instant.anchor[few]))
     return casadi.fmin(casadi.fmax(moved, 0.0), 1.0)
