@@ -37,13 +37,13 @@ ITERATIONS = 5
 
 @one_blas_thread
 def cost(pieces: int, objective: str) -> dict[str, float]:
-    """What a path of so many pieces costs: seconds of CPU time, megabytes, and sizes."""
+    """What a path of so many pieces costs: CPU time of the quickest call, peak memory, and sizes."""
     found: dict[str, float] = {}
 
     def timed(name: str, work: Callable[[], Any]) -> Any:
         begun = time.process_time()
         value = work()
-        found[name] = 1e3 * (time.process_time() - begun)
+        found[name] = min(1e3 * (time.process_time() - begun), found.get(name, np.inf))
         return value
 
     robot, scalar = ur5(), WeightedSum({objective: 1.0})
@@ -53,11 +53,11 @@ def cost(pieces: int, objective: str) -> dict[str, float]:
     few = few_instants(problem)
     timed("first NLP, ms", lambda: transcribe(problem, scalar, few))
     x = problem.guess(np.random.default_rng(0))
-    peaks, _ = worst_instants(problem, x, BACK_OFF)
+    worst_instants(problem, x, BACK_OFF)
     peaks, _ = timed("scan, ms", lambda: worst_instants(problem, x, BACK_OFF))
     nlp = timed("next NLP, ms", lambda: transcribe(problem, scalar, [*few, *peaks]))
     program, multipliers = nlp.program, np.ones(len(nlp.rows))
-    for start in (nlp.start(x), nlp.start(x + 1e-9)):  # the first call finds its memory
+    for start in (nlp.start(x + 1e-9 * i) for i in range(4)):
         timed("f and g, ms", lambda start=start: program.values(start))
         timed("gradient, ms", lambda start=start: program.gradient(start))
         timed("Jacobian, ms", lambda start=start: program.jacobian(start))

@@ -107,13 +107,13 @@ class DerivativeValuesAt:
     @property
     def _of_duration(self) -> Array:
         """dV/dT at fixed D^m ``(N,)``."""
-        return -self.of.order * self.values[:, 0] / self._duration
+        return np.asarray(-self.of.order * self.values[:, 0] / self._duration)
 
     @cached_property
     def slopes(self) -> Array:
         """Derivatives of the values in the segment's variables ``(N, 1, m)``."""
         derivative, duration = self._parts
-        return (self._factor[:, None] * derivative + self._of_duration[:, None] * duration)[:, None]
+        return np.asarray(self._factor[:, None] * derivative + self._of_duration[:, None] * duration)[:, None]
 
     def curvature(self, weights: Array) -> Curvature:
         """Second derivatives of the sum of the values times weights ``(N, 1)``."""
