@@ -200,8 +200,8 @@ HEAVY = ("casadi", "pinocchio", "scipy", "pandas", "pymoo", "matplotlib")
     [
         (["--help"], set()),
         (["solve", "--help"], set()),
-        (["problems"], {"casadi", "pinocchio", "scipy"}),
-        (["show", "weld-bezier", "--set", "case=air-move"], {"casadi", "pinocchio", "scipy"}),
+        (["problems"], {"casadi", "pinocchio", "scipy", "pandas"}),
+        (["show", "weld-bezier", "--set", "case=air-move"], {"casadi", "pinocchio", "scipy", "pandas"}),
     ],
     ids=["help", "help of solve", "problems", "show"],
 )

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ocp_traj.formulation.about import About
 from ocp_traj.results.optima import distinct
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.trajectory import Trajectory, trajectory_of
@@ -27,7 +28,7 @@ def counted(*solutions: Solution, ways: bool = False) -> list[tuple[float, int]]
     def way(trajectory: Trajectory) -> str:
         return "left" if trajectory.curve.control_points[0][3, 0] > 1.0 else "right"
 
-    problem = replace(PROBLEM, homotopy=way if ways else None)
+    problem = replace(PROBLEM, about=About(homotopy_class=way if ways else None))
     return [(optimum.solution.f, optimum.starts) for optimum in distinct(problem, solutions)]
 
 

@@ -120,7 +120,7 @@ def test_a_limit_on_a_derivative_is_that_derivative(order: int) -> None:
         ({"lower": [0.0] * 3}, r"point constraint 'point': lower does not fit \(instants, rows\) = \(1, 2\)"),
         ({"upper": np.zeros((2, 2))}, r"upper does not fit \(instants, rows\) = \(1, 2\)"),
         ({"lower": 1.0}, "a lower bound lies above its upper bound"),
-        ({"lower": np.nan}, "a lower bound lies above its upper bound"),
+        ({"lower": np.nan}, "the bound of a at segment 0, u = 0 is no number; give one"),
         ({"units": ("m",)}, "1 units for 2 labels"),
     ],
 )

@@ -119,7 +119,7 @@ def test_the_limits_up_to_snap_rule_a_move_from_rest_to_rest() -> None:
         ({"case": "weld"}, "allowed are seam, air-move"),
         ({"rest_at_tags": True}, "for case air-move"),
         ({"tags": 1}, "give a whole number from 2 to 40"),
-        ({"psi": 0.0}, "psi is 0.0 deg; give an angle above 0 and up to 90"),
+        ({"psi": 0.0}, "psi is 0.0 deg; give an angle above 0 and at most 90"),
         ({"weld_speed": 0.0}, "weld_speed is 0.0"),
         ({"home": (0.0, -90.0, 100.0, 0.0, -60.0, 360.0)}, "home has A6 at 360.0 deg"),
         ({"seam_file": "nowhere.csv"}, "cannot read the seam file nowhere.csv: No such file"),

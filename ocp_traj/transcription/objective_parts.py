@@ -64,7 +64,7 @@ class Integral:
 
     def add(self, total: HessianSum, at: ShapeAt, values: InstantValuesAt, weight: float, places: Index) -> None:
         """Adds its Hessian times a weight; ``places`` are those of ``pairs`` among the nonzeros."""
-        total.add(values, weight * (self.weights @ at.durations)[:, None])
+        values.add_curvature(total, weight * (self.weights @ at.durations)[:, None])
         total.durations += weight * (self.weights.T @ values.values[:, 0])
         slopes = np.zeros((len(self._left), at.shape.columns.shape[1]))
         np.add.at(slopes, self._pair, self.weights.data[:, None] * values.slopes[self._node, 0])
