@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -297,7 +298,7 @@ def _near(instants: list[Instant], problem: Problem, solution: Solution) -> list
     kept = []
     known = {limit.id for limit in problem.requirements.path_constraints}
     for instant in instants:
-        if instant.limit not in known:  # of a total variation
+        if instant.limit not in known or instant.control is not None:  # of a total variation, or one of all that hold
             kept.append(instant)
             continue
         limit = _limit(problem, instant)
@@ -317,14 +318,16 @@ def _merge(
     were put.
     """
     merged, renamed = list(instants), {}
+    alike: dict[tuple[Any, ...], list[int]] = {}
+    for i, old in enumerate(merged):
+        alike.setdefault((old.limit, old.segment, old.rows), []).append(i)
     for peak in peaks:
-        for i, old in enumerate(merged):
-            same = (old.limit, old.segment, old.rows) == (
-                peak.limit,
-                peak.segment,
-                peak.rows,
-            ) and old.anchor is not None
-            if same and abs(where(old, x) - peak.u) < NEAR and abs(along(old, x) - peak.sweep) < NEAR:
+        places = alike.setdefault((peak.limit, peak.segment, peak.rows), [])
+        for i in places:
+            old = merged[i]
+            if old.anchor is None:
+                continue
+            if abs(where(old, x) - peak.u) < NEAR and abs(along(old, x) - peak.sweep) < NEAR:
                 limit, row = _limit(problem, peak), (peak.rows or (0,))[0]
                 renamed[row_of(limit, peak, row)] = row_of(limit, old, row)
                 merged[i] = peak
@@ -332,6 +335,7 @@ def _merge(
                     merged.append(replace(old, slope=None, anchor=None))
                 break
         else:
+            places.append(len(merged))
             merged.append(peak)
     return merged, renamed
 

@@ -114,7 +114,7 @@ class Population:
             if objective.integrand is not None:
                 nodes, weights = quadrature(problem, objective)
                 tape = Tape(integrand_function(problem, objective))
-                self._integrals[objective.id] = (_Nodes(nodes, degrees), weights, tape)
+                self._integrals[objective.id] = (_Nodes(nodes, degrees), weights.toarray(), tape)
             elif objective.of_variables is not None:
                 self._direct[objective.id] = Tape(variables_function(problem, objective))
 

@@ -164,6 +164,12 @@ class Problem(Shown):
             for name in used:
                 if name not in names:
                     raise ProblemDefinitionError(f"{self.id}: {word} {name!r} is not one of {names}")
+        known = [limit.id for limit in self.requirements.path_constraints if limit.order is not None]
+        for name in self.tuning.hull_rows:
+            if name not in known:
+                raise ProblemDefinitionError(
+                    f"{self.id}: hull rows of {name!r}, no limit on a derivative of the joints; those are {known}"
+                )
         dof = self.curve(casadi.SX.sym("x", self.size)).dof
         if dof != self.requirements.dof:
             raise ProblemDefinitionError(f"{self.id}: the curve has {dof} joints, the limits {self.requirements.dof}")

@@ -38,7 +38,7 @@ class DerivativeValues(BySegment):
         self.order, self.joint = (np.array([e[i] for e in entries], dtype=np.intp) for i in (0, 1))
         instants = [instant for _, _, instant in entries]
         self.segments = np.array([i.segment for i in instants], dtype=np.intp)
-        self.u, self.slopes = lines(self.shape, self.segments, [(i.u, i.slope, i.anchor) for i in instants])
+        self.u, self.slopes = lines(self.shape, instants, [(i.u, i.slope) for i in instants])
         self._control = np.array([-1 if i.control is None else i.control for i in instants], dtype=np.intp)
 
     def depends(self) -> NDArray[np.bool_]:
@@ -67,10 +67,11 @@ class DerivativeValues(BySegment):
             basis = derivative_basis(degree, u[here], int(self.order[here].max()) + more)
             for extra in range(more + 1):
                 found[here, extra, : degree + 1] = basis[np.arange(len(here)), self.order[here] + extra]
-        for j in np.nonzero(self._control >= 0)[0].tolist():
-            degree = int(degrees[j])
-            found[j] = 0.0
-            found[j, 0, : degree + 1] = difference_matrix(degree, int(self.order[j]))[self._control[j]]
+        hull = self._control >= 0
+        found[hull] = 0.0
+        for degree, order in set(zip(degrees[hull].tolist(), self.order[hull].tolist(), strict=True)):
+            here = np.nonzero(hull & (degrees == degree) & (self.order == order))[0]
+            found[here, 0, : degree + 1] = difference_matrix(degree, order)[self._control[here]]
         return found
 
 
@@ -107,13 +108,13 @@ class DerivativeValuesAt:
     @property
     def _of_duration(self) -> Array:
         """dV/dT at fixed D^m ``(N,)``."""
-        return -self.of.order * self.values[:, 0] / self._duration
+        return np.asarray(-self.of.order * self.values[:, 0] / self._duration)
 
     @cached_property
     def slopes(self) -> Array:
         """Derivatives of the values in the segment's variables ``(N, 1, m)``."""
         derivative, duration = self._parts
-        return (self._factor[:, None] * derivative + self._of_duration[:, None] * duration)[:, None]
+        return np.asarray(self._factor[:, None] * derivative + self._of_duration[:, None] * duration)[:, None]
 
     def add_curvature(self, total: HessianSum, weights: Array) -> None:
         """Adds the second derivatives of the sum of the values times weights ``(N, 1)``."""

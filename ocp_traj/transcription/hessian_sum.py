@@ -27,6 +27,12 @@ class HessianSum:
         self.nonzeros = np.zeros(nonzeros)
 
 
+def distinct(keys: Index) -> Index:
+    """The keys >= 0 ``(N,)`` in order, each once; NumPy's own way by a hash is slow where keys are spread evenly."""
+    ordered = np.sort(keys)
+    return ordered[np.flatnonzero((ordered >= 0) & (np.diff(ordered, prepend=-1) != 0))]
+
+
 def gathered(places: Index, values: Array, size: int) -> Array:
     """Sum of values by place; those at -1 are left out."""
     kept = places >= 0

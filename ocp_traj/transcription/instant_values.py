@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.curves.bernstein import derivative_basis, difference_matrix
+from ocp_traj.curves.bernstein import derivative_basis
 from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS
@@ -106,9 +106,8 @@ class InstantValues(BySegment):
     def __init__(
         self, shape: Shape, kernel: Kernel, segments: Index, u: Array, sweep: Array | None = None,
         slopes: Array | None = None, sweep_slopes: Array | None = None, constants: Array | None = None,
-        control: Index | None = None,
     ) -> None:  # fmt: skip
-        self.shape, self.kernel, self.control = shape, kernel, control
+        self.shape, self.kernel = shape, kernel
         self.segments = segments
         self.u, self.sweep, self.slopes, self.sweep_slopes = u, sweep, slopes, sweep_slopes
         self.constants = np.zeros((len(self.segments), 0)) if constants is None else constants
@@ -121,13 +120,11 @@ class InstantValues(BySegment):
         segments = np.array([instant.segment for instant in instants], dtype=np.intp)
         limit = next((c for c in problem.requirements.path_constraints if c.id == name), None)
         table = None if limit is None else limit.constants
-        u, slopes = lines(shape, segments, [(i.u, i.slope, i.anchor) for i in instants])
-        along, sweep_slopes = lines(shape, segments, [(i.sweep, i.sweep_slope, i.anchor) for i in instants])
-        hull = any(i.control is not None for i in instants)
+        u, slopes = lines(shape, instants, [(i.u, i.slope) for i in instants])
+        along, sweep_slopes = lines(shape, instants, [(i.sweep, i.sweep_slope) for i in instants])
         return cls(
             shape, kernel, segments, u, along if limit is not None and limit.sweep else None, slopes, sweep_slopes,
             None if table is None else table[segments],
-            np.array([i.control for i in instants], dtype=np.intp) if hull else None,
         )  # fmt: skip
 
     def depends(self) -> NDArray[np.bool_]:
@@ -163,12 +160,7 @@ class InstantValues(BySegment):
         """What takes control points to derivatives in local time of order 0 .. ``top``: ``(N, top + 1, most + 1)``."""
         found = np.zeros((len(u), top + 1, int(self.shape.degrees.max()) + 1))
         for degree, here in self._by_degree:
-            if self.control is None:
-                found[here, :, : degree + 1] = derivative_basis(degree, u[here], top)
-                continue
-            for order in range(min(top, degree) + 1):
-                rows = np.minimum(self.control[here], degree - order)
-                found[here, order, : degree + 1] = difference_matrix(degree, order)[rows]
+            found[here, :, : degree + 1] = derivative_basis(degree, u[here], top)
         return found
 
 
@@ -320,19 +312,22 @@ def moved_places(start: Array, slopes: Array | None, local: Array) -> tuple[Arra
 
 
 def lines(
-    shape: Shape, segments: NDArray[np.intp], places: Sequence[tuple[float, Array | None, Array | None]]
+    shape: Shape, instants: Sequence[Instant], places: Sequence[tuple[float, Array | None]]
 ) -> tuple[Array, Array | None]:
-    """Places at x = 0 ``(N,)`` and their slopes in the segments' variables, None where none has any."""
-    start = np.array([place for place, _, _ in places], dtype=float)
-    if all(slope is None or anchor is None for _, slope, anchor in places):
+    """Places of instants at x = 0 ``(N,)`` and their slopes in the segments' variables, None where none has any."""
+    start = np.array([place for place, _ in places], dtype=float)
+    if all(slope is None or i.anchor is None for i, (_, slope) in zip(instants, places, strict=True)):
         return start, None
-    slopes = np.zeros((len(places), shape.columns.shape[1]))
-    for j, (_, slope, anchor) in enumerate(places):
-        if slope is not None and anchor is not None:
-            slopes[j] = np.append(slope, 0.0)[shape.columns[segments[j]]]
-            if np.count_nonzero(slopes[j]) < np.count_nonzero(slope):
+    slopes, anchors = np.zeros((2, len(places), shape.columns.shape[1]))
+    for j, (instant, (_, slope)) in enumerate(zip(instants, places, strict=True)):
+        if slope is not None and instant.anchor is not None:
+            used = np.flatnonzero(slope)
+            own, columns = shape.columns[instant.segment], used if instant.columns is None else instant.columns[used]
+            at = np.searchsorted(own[own < shape.size], columns)
+            if not np.isin(columns, own).all():
                 raise ProblemDefinitionError(
-                    f"an instant on segment {segments[j]} moves with variables that the segment does not depend on"
+                    f"an instant on segment {instant.segment} moves with variables that the segment does not depend on"
                 )
-            start[j] -= float(slopes[j] @ np.append(anchor, 0.0)[shape.columns[segments[j]]])
+            slopes[j, at], anchors[j, at] = slope[used], instant.anchor[used]
+            start[j] -= float(slopes[j] @ anchors[j])
     return start, slopes

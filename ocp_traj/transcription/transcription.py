@@ -227,4 +227,7 @@ class _Table:
 def row_of(limit: PathConstraint, instant: Instant, i: int) -> Row:
     """The NLP's row of a limit's row i at an instant: what multipliers are matched by."""
     scale = float(limit.scale[i])
-    return Row(limit.id, limit.labels[i], instant.segment, instant.u, limit.units[i], scale, sweep=instant.sweep)
+    place = instant.segment, instant.u
+    return Row(
+        limit.id, limit.labels[i], *place, limit.units[i], scale, sweep=instant.sweep, control=instant.control
+    )  # fmt: skip
