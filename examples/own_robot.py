@@ -26,8 +26,7 @@ class Case:
 
 def build(case: Case = Case()) -> ot.Problem:
     """The problem: seven durations of a cubic spline; acceleration [rad/s2] and jerk [rad/s3] are our choice."""
-    chosen = ot.JointLimits(acceleration=[8.0] * 6, jerk=[60.0] * 6)
-    robot = ot.Robot.from_urdf(URDF, limits=chosen, tool_frame="tool0")
+    robot = ot.Robot.from_urdf(URDF, limits=ot.JointLimits(acceleration=[8.0] * 6, jerk=[60.0] * 6), tool_frame="tool0")
     axes, most = (robot.joints, robot.units), robot.limits.bounds("effort")
 
     def torque(s: ot.State) -> casadi.SX:
@@ -36,9 +35,9 @@ def build(case: Case = Case()) -> ot.Problem:
     effort = ot.standard.effort_limit(torque, most, robot.effort_units, robot.joints)
     limits = (*ot.standard.joint_limits(robot.limits, *axes), effort)
     points = (ot.standard.rest(*axes), ot.standard.via_points(VIA, AT, *axes))
+    h = ot.Variable("h", np.full(7, 0.02), np.full(7, 5.0), "s", tuple(f"h{i}" for i in range(1, 8)))
     return ot.Problem(
-        "examples.own_robot:build", (ot.Variable("h", np.full(7, 0.02), np.full(7, 5.0), "s", tuple("abcdefg")),),
-        lambda h: ot.curves.cubic_spline_free_ends(VIA, h),
+        "examples.own_robot:build", (h,), lambda h: ot.curves.cubic_spline_free_ends(VIA, h),
         (ot.Objective("time", "s", of_variables=lambda h, p: casadi.sum1(h)),
          ot.Objective("effort", "s", integrand=lambda s: casadi.sumsqr(torque(s) / most[1]))),
         ot.Requirements(*axes, limits, points), lambda rng: rng.uniform(0.3, 1.0, 7), case, robot,
