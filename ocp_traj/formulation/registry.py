@@ -105,7 +105,7 @@ def _importable(name: str, function: str) -> Entry:
     except (ImportError, AttributeError, NameError, TypeError, ValueError) as error:
         raise UnknownName(f"there is no problem {quoted(f'{name}:{function}')}: {error}") from error
     given = hints.get(taken[0]) if taken else make_dataclass("Case", ())
-    cases = [kind for kind in get_args(given) or (given,) if is_dataclass(kind)]
+    cases = [kind for kind in get_args(given) or (given,) if isinstance(kind, type) and is_dataclass(kind)]
     if hints.get("return") is not Problem or len(taken) > 1 or not cases:
         raise UnknownName(
             f"{quoted(f'{name}:{function}')} makes no problem; give a function that is annotated (case: Case) -> "
