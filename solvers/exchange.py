@@ -44,7 +44,7 @@ STALLED, NEGLIGIBLE = (
     4.0,
     1e-6,
 )  # a round that gains less than this factor on an excess this small: back off; our choice
-WARM_ITERATIONS = 80  # a warm start that needs more is none
+WARM_ITERATIONS = 40  # a warm start that needs more is none: from a cold one some 25 are enough
 GAINS = 2.0  # a round that reduces the excess by less than this gains too little; our choice
 NEAR = 0.15  # of a segment: a new peak this close to a moving instant replaces it
 
@@ -176,6 +176,8 @@ class Exchange:
                 number, most, f"{len(nlp.rows)} rows, {'proved' if excess <= 0.0 else f'excess {excess:.2g}'}"
             )
             if proved and proved[-1] is solution and updated is None:
+                if problem.tuning.instants is None:  # a neighbour's solve begins with these
+                    solution = replace(solution, instants=tuple(_near(instants, problem, solution)))
                 return _tightened(problem, scalarisation, solution) if self.prove else solution
             if before / STALLED < excess < NEGLIGIBLE:
                 back_off += 2.0 * excess  # flat peaks wander for ever: stay clear of the limit by what they wander

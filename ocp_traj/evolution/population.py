@@ -118,8 +118,8 @@ class Population:
             elif objective.of_variables is not None:
                 self._direct[objective.id] = Tape(variables_function(problem, objective))
 
-    def evaluate(self, x: ArrayLike) -> Evaluation:
-        """Objectives and violations of a population ``x (N, n)``."""
+    def evaluate(self, x: ArrayLike, limits: bool = True) -> Evaluation:
+        """Objectives and violations of a population ``x (N, n)``; without its ``limits`` no violations."""
         population = np.atleast_2d(np.asarray(x, dtype=float))
         if population.shape[1] != self.problem.size:
             raise InputError(
@@ -131,8 +131,9 @@ class Population:
             np.ascontiguousarray(np.swapaxes(p.reshape(cols, rows, -1), 0, 1))
             for p, (rows, cols) in zip(flat, self._shapes, strict=True)
         ]
-        states = {nodes: nodes.states(points, durations) for nodes in {nodes for _, nodes in self._limits}}
-        violations = [self._violation(limit, nodes, states[nodes], parameters) for limit, nodes in self._limits]
+        wanted = self._limits if limits else []
+        states = {nodes: nodes.states(points, durations) for nodes in {nodes for _, nodes in wanted}}
+        violations = [self._violation(limit, nodes, states[nodes], parameters) for limit, nodes in wanted]
         values: dict[str, Array] = {}
         for name, objective in self._plain.items():
             if objective.terms is not None:

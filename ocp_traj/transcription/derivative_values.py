@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from ocp_traj.curves.bernstein import derivative_basis, difference_matrix
 from ocp_traj.formulation.problem import Problem
-from ocp_traj.transcription.instant_values import BySegment, Curvature, lines, moved_places
+from ocp_traj.transcription.hessian_sum import HessianSum
+from ocp_traj.transcription.instant_values import BySegment, lines, moved_places
 from ocp_traj.transcription.instants import Instant
 from ocp_traj.transcription.shape import ShapeAt, shape_of
 
@@ -114,23 +115,23 @@ class DerivativeValuesAt:
         derivative, duration = self._parts
         return (self._factor[:, None] * derivative + self._of_duration[:, None] * duration)[:, None]
 
-    def curvature(self, weights: Array) -> Curvature:
-        """Second derivatives of the sum of the values times weights ``(N, 1)``."""
+    def add_curvature(self, total: HessianSum, weights: Array) -> None:
+        """Adds the second derivatives of the sum of the values times weights ``(N, 1)``."""
         of, shape, weight = self.of, self._shape, weights[:, 0]
         derivative, duration = self._parts
         order, factor = of.order, self._factor * weight
         cross = -order * factor / self._duration
         twice = order * (order + 1) * self._derivatives[:, 0] * factor / self._duration**2
-        # Of a symmetric sum a half, to which its mirror is added.
-        left = cross[:, None] * derivative + 0.5 * twice[:, None] * duration
-        half = left[:, :, None] * duration[:, None, :]
+        # Of a symmetric sum a half, to which its mirror is added; a segment's instants share its duration.
+        left = np.zeros(shape.slopes[1].shape)
+        of.add_by_segment(left, cross[:, None] * derivative + 0.5 * twice[:, None] * duration)
+        half = left[:, :, None] * shape.slopes[1][:, None, :]
         if self._slopes is not None:
             points = shape.slopes[0][of.segments, :, of.joint]
             a = (self._weights[:, None, 1] @ points)[:, 0] + 0.5 * self._derivatives[:, 2:] * self._slopes
-            half += (factor[:, None] * a)[:, :, None] * self._slopes[:, None, :]
-        points, durations, parameters = (np.zeros_like(v) for v in (shape.points, shape.durations, shape.parameters))
-        spread = np.zeros((len(weight), points.shape[1], of.shape.dof))
+            of.add_products(half, (factor[:, None] * a)[:, None], self._slopes[:, None])
+        total.local += half + np.swapaxes(half, 1, 2)
+        spread = np.zeros((len(weight), total.points.shape[1], of.shape.dof))
         spread[np.arange(len(weight)), :, of.joint] = factor[:, None] * self._weights[:, 0]
-        of.add_by_segment(points, spread)
-        of.add_by_segment(durations, weight * self._of_duration)
-        return Curvature(half + np.swapaxes(half, 1, 2), points, durations, parameters)
+        of.add_by_segment(total.points, spread)
+        of.add_by_segment(total.durations, weight * self._of_duration)

@@ -187,7 +187,7 @@ class InstantProgram:
         for part, values in zip(self._parts, here.parts, strict=True):
             weights = np.zeros_like(values.values)
             np.add.at(weights, (part.instant, part.entry), multipliers[part.row] * part.factor)
-            total.add(values, weights)
+            values.add_curvature(total, weights)
         outer = np.concatenate([[factor], multipliers[self._count :]])
         weighed = dict(zip(self._scalar.names, outer @ here.scalar_slope, strict=False))
         for name, integral in pattern.integrals.items():

@@ -23,26 +23,13 @@ from ocp_traj.curves.bernstein import derivative_basis, difference_matrix
 from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS
+from ocp_traj.transcription.hessian_sum import HessianSum
 from ocp_traj.transcription.instants import Instant
 from ocp_traj.transcription.kernel import Kernel, limit_kernel
 from ocp_traj.transcription.shape import Shape, ShapeAt, shape_of
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-
-class Curvature(NamedTuple):
-    """Second derivatives of a weighted sum of values.
-
-    Attributes:
-        local: Hessian of each instant in the variables of its segment, the curve's bend left out, ``(N, m, m)``.
-        points, durations, parameters: weights of the curve's bend ``(K, most + 1, dof)``, ``(K,)``, ``(K, n_p)``.
-    """
-
-    local: Array
-    points: Array
-    durations: Array
-    parameters: Array
 
 
 class Peak(NamedTuple):
@@ -83,6 +70,23 @@ class BySegment:
         order, starts, segments = self._runs
         if len(order):
             total[segments] += np.add.reduceat(values[order], starts)
+
+    def add_products(self, total: Array, left: Array, right: Array) -> None:
+        """Adds left^T right of the instants ``(N, a, m)`` each, to the sums of their segments ``(K, m, m)``."""
+        order, starts, segments = self._runs
+        if not len(order):
+            return
+        counts = np.diff(np.append(starts, len(order)))
+        most = int(counts.max())
+        if (counts == most).all():
+            some = order.reshape(len(segments), most)
+            a, b = left[some], right[some]
+        else:  # segments with fewer instants get some of no weight
+            inside = np.arange(most) < counts[:, None]
+            some = order[np.minimum(starts[:, None] + np.arange(most), len(order) - 1)]
+            a, b = np.where(inside[:, :, None, None], left[some], 0.0), right[some]
+        shape = (len(segments), most * left.shape[1], left.shape[2])
+        total[segments] += np.swapaxes(a.reshape(shape), 1, 2) @ b.reshape(shape)
 
 
 class InstantValues(BySegment):
@@ -253,26 +257,23 @@ class InstantValuesAt:
         """Derivatives of the values in the segment's variables ``(N, rows, m)``."""
         return self.of.kernel.first(self._arguments) @ self._whole
 
-    def curvature(self, weights: Array) -> Curvature:
-        """Second derivatives of the sum of the values times weights ``(N, rows)``."""
-        kernel, shape = self.of.kernel, self.shape
+    def add_curvature(self, total: HessianSum, weights: Array) -> None:
+        """Adds the second derivatives of the sum of the values times weights ``(N, rows)``."""
+        of, kernel = self.of, self.of.kernel
         gradient, bend = kernel.second(self._arguments, weights)
-        whole = self._whole
-        local = np.swapaxes(whole, 1, 2) @ (bend @ whole)
+        of.add_products(total.local, self._whole, bend @ self._whole)
         if self._u_slopes is not None:
             a, c = self._raised(gradient)
-            sides = a[:, :, None] * self._u_slopes[:, None, :]
-            local += sides + np.swapaxes(sides, 1, 2)
-            local += c[:, None, None] * self._u_slopes[:, :, None] * self._u_slopes[:, None, :]
-        points, durations, parameters = (np.zeros_like(v) for v in (shape.points, shape.durations, shape.parameters))
+            sides = np.zeros_like(total.local)
+            of.add_products(sides, (a + 0.5 * c[:, None] * self._u_slopes)[:, None], self._u_slopes[:, None])
+            total.local += sides + np.swapaxes(sides, 1, 2)
         if kernel.orders:
-            of_states = self._of_states(gradient)
-            self.of.add_by_segment(points, np.swapaxes(self._basis[:, kernel.orders], 1, 2) @ of_states)
+            spread = np.swapaxes(self._basis[:, kernel.orders], 1, 2) @ self._of_states(gradient)
+            of.add_by_segment(total.points, spread)
         if kernel.duration.stop > kernel.duration.start:
-            self.of.add_by_segment(durations, gradient[:, kernel.duration.start])
+            of.add_by_segment(total.durations, gradient[:, kernel.duration.start])
         if kernel.parameters.stop > kernel.parameters.start:
-            self.of.add_by_segment(parameters, gradient[:, kernel.parameters])
-        return Curvature(local, points, durations, parameters)
+            of.add_by_segment(total.parameters, gradient[:, kernel.parameters])
 
     def _of_states(self, gradient: Array) -> Array:
         """The part of a gradient in Z that belongs to derivatives of the joints ``(N, orders, dof)``."""

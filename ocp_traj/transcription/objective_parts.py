@@ -61,7 +61,7 @@ class Integral:
 
     def add(self, total: HessianSum, at: ShapeAt, values: InstantValuesAt, weight: float, places: Index) -> None:
         """Adds its Hessian times a weight; ``places`` are those of ``pairs`` among the nonzeros."""
-        total.add(values, weight * (self.weights @ at.durations)[:, None])
+        values.add_curvature(total, weight * (self.weights @ at.durations)[:, None])
         total.durations += weight * (self.weights.T @ values.values[:, 0])
         slopes = np.zeros((len(self.weights), at.shape.size + 1))
         full = np.zeros((len(at.durations), at.shape.size + 1))
