@@ -88,7 +88,8 @@ class Problem(Shown):
     """A trajectory optimisation problem: a path of named variables, objectives and limits.
 
     Attributes:
-        id: registry name.
+        id: by which files name it: registered, or ``module:function`` of what makes it; else it has to be given with
+            them.
         variables: blocks of decision variables; x is their concatenation ``(n,)``.
         curve: x -> PiecewiseBezier, symbolic.
         objectives: what may be traded.

@@ -92,8 +92,8 @@ class DerivativeValuesAt:
         self._points = shape.points[segments, :, of.joint]  # (N, most + 1)
         self._derivatives = (self._weights @ self._points[:, :, None])[:, :, 0]  # (N, 1 or 3)
         self._duration = shape.durations[segments]
-        self._factor = self._duration ** -of.order.astype(float)
-        self.values = (self._derivatives[:, 0] * self._factor)[:, None]
+        self._factor: Array = self._duration ** -of.order.astype(float)
+        self.values: Array = (self._derivatives[:, 0] * self._factor)[:, None]
 
     @cached_property
     def _parts(self) -> tuple[Array, Array]:
