@@ -5,6 +5,8 @@ PYTHON ?= python3
 VENV ?= .venv
 FIRST_RUN ?= runs/first
 WORKERS ?= 2
+BASELINE ?= runs/speed
+REPEAT ?= 5
 
 BIN = $(VENV)/bin
 PIP = $(BIN)/python -m pip --disable-pip-version-check
@@ -14,7 +16,7 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow kill fuzz interrupts coverage lint clean
+.PHONY: help front test test-slow kill fuzz interrupts bench-speed coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
@@ -24,6 +26,7 @@ help:
 	@echo "make fuzz       2000 mutated files: what is proved of them holds, none ends in a traceback"
 	@echo "make coverage   all tests, with their coverage"
 	@echo "make interrupts Ctrl-C at MOMENTS (20) random moments of every method; takes hours"
+	@echo "make bench-speed times beside those of an earlier commit: benchmarks/RESULTS.md; half an hour, on a quiet machine"
 	@echo "make lint       ruff, and mypy on the installed package"
 	@echo "make clean      remove $(VENV), builds and caches; runs/ stays"
 
@@ -49,6 +52,10 @@ coverage: $(VENV)/.installed-dev
 
 interrupts: $(VENV)/.installed-dev
 	$(BIN)/python benchmarks/interrupts.py $(or $(MOMENTS),20)
+
+# What is measured of the earlier commit, and its environment, stay in BASELINE.
+bench-speed: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.speed --baseline $(BASELINE) --repeat $(REPEAT) $(OPTIONS)
 
 # mypy reads the package as a user gets it. `build/` would bring back modules deleted since the last build.
 lint: $(VENV)/.installed-dev
