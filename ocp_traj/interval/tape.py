@@ -8,6 +8,7 @@ result contains the exact range of the tape (its constants as rounded) over each
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import casadi
@@ -15,7 +16,10 @@ import numpy as np
 from scipy import special
 
 from ocp_traj.errors import InputError, KinkedExpression, UnsupportedOperation
-from ocp_traj.interval.intervals import INTERVAL, Array, Operation, boxes_of, constant_power, operation_table, scaling
+from ocp_traj.interval.intervals import (
+    INTERVAL, Array, Operation, add, constant_power, multiply, on_boxes, operation_table, scale, upper_bounds,
+)  # fmt: skip
+from ocp_traj.interval.program import Program, Read, Run, Step
 
 
 class Tape:
@@ -33,37 +37,32 @@ class Tape:
         self._numel_in = [function.numel_in(k) for k in range(self.n_in)]
         self._numel_out = [function.numel_out(k) for k in range(self.n_out)]
         rows_in = [function.sparsity_in(k).find() for k in range(self.n_in)]  # dense rows of the non-zeros
-        # Slots, in this order: non-zeros of the outputs, registers, leaves (a constant or a row of an input).
-        self._results = [(k, row) for k in range(self.n_out) for row in function.sparsity_out(k).find()]
-        first_result = np.cumsum([0] + [function.nnz_out(k) for k in range(self.n_out)]).tolist()
-        self._n_slots: int = len(self._results) + function.sz_w()
+        rows_out = [function.sparsity_out(k).find() for k in range(self.n_out)]
+        # Values are numbered as in ``program``.
         self._leaves: list[float | tuple[int, int]] = []
-        self._steps: list[tuple[int, int, int, int]] = []  # operation, slot written, slots read (-1: none)
+        self._steps: list[tuple[int, list[int]]] = []  # operation, values read
+        self._results: list[tuple[int, int, int]] = []  # output, row, value
         leaf_of_row: dict[tuple[int, int], int] = {}
-        slot: dict[int, int] = {}  # where the value of a register is
+        value: dict[int, int] = {}  # in each register
         for index in range(function.n_instructions()):
             operation = function.instruction_id(index)
             read, written = function.instruction_input(index), function.instruction_output(index)
             if operation == casadi.OP_OUTPUT:
-                self._steps.append((casadi.OP_ASSIGN, first_result[written[0]] + written[1], slot[read[0]], -1))
+                self._results.append((written[0], rows_out[written[0]][written[1]], value[read[0]]))
             elif operation == casadi.OP_CONST:
-                slot[written[0]] = self._n_slots + len(self._leaves)
+                value[written[0]] = ~len(self._leaves)
                 self._leaves.append(function.instruction_constant(index))
             elif operation == casadi.OP_INPUT:
                 row = (read[0], rows_in[read[0]][read[1]])
                 if row not in leaf_of_row:
-                    leaf_of_row[row] = len(self._leaves)
+                    leaf_of_row[row] = ~len(self._leaves)
                     self._leaves.append(row)
-                slot[written[0]] = self._n_slots + leaf_of_row[row]
+                value[written[0]] = leaf_of_row[row]
             elif operation in FLOAT:
-                operands = [slot[register] for register in read] + [-1]
-                slot[written[0]] = len(self._results) + written[0]
-                self._steps.append((operation, slot[written[0]], operands[0], operands[1]))
+                self._steps.append((operation, [value[register] for register in read]))
+                value[written[0]] = len(self._steps) - 1
             else:
                 raise self._unsupported(operation, "in floats", FLOAT)
-        self._float_program = [(FLOAT[operation], *slots) for operation, *slots in self._steps]
-        self._interval_program: list[Any] | None = None  # made on demand: floats do more operations than intervals
-        self._constants: dict[float, Array] = {}  # as boxes
 
     def evaluate(self, *inputs: Array) -> tuple[Array, ...]:
         """Values at ``N`` points.
@@ -75,11 +74,10 @@ class Tape:
             Result k, dense column-major, ``(numel_out(k), N)``.
         """
         rows, n_columns = self._columns(inputs)
-        leaves = [leaf if isinstance(leaf, float) else rows[leaf[0]][leaf[1]] for leaf in self._leaves]
-        results = [np.zeros((numel, n_columns)) for numel in self._numel_out]
+        results = [np.zeros((1, numel, n_columns)) for numel in self._numel_out]
         with np.errstate(all="ignore"):
-            self._run(self._float_program, leaves, results)
-        return tuple(results)
+            self._float_program.run(lambda constants: constants[None], [row[None] for row in rows], results)
+        return tuple(result[0] for result in results)
 
     def enclose(self, *inputs: tuple[Array, Array]) -> tuple[tuple[Array, Array], ...]:
         """Bounds on the exact range over ``N`` boxes.
@@ -90,27 +88,20 @@ class Tape:
         Returns:
             Lower and upper ends of result k, each ``(numel_out(k), N)``; infinite where unbounded, never NaN.
         """
-        if self._interval_program is None:
-            constants = [leaf for leaf in self._leaves if isinstance(leaf, float)]
-            column = np.array(constants).reshape(-1, 1)
-            self._constants = dict(zip(constants, boxes_of(column, column), strict=True))
-            self._interval_program = [self._interval_step(*step) for step in self._steps]
+        program = self._interval_program
         columns, n_columns = self._columns([end for pair in inputs for end in pair], ends=2)
-        boxes = [boxes_of(lower, upper) for lower, upper in zip(columns[::2], columns[1::2], strict=True)]
-        for k, box in enumerate(boxes):
-            if (box[:, 0] > box[:, 1]).any():
+        for k, (lower, upper) in enumerate(zip(columns[::2], columns[1::2], strict=True)):
+            if (lower > upper).any():
                 raise InputError(f"{self.name}: input {k} has a lower end above its upper end; swap them")
-        leaves = [
-            self._constants[leaf] if isinstance(leaf, float) else boxes[leaf[0]][leaf[1]] for leaf in self._leaves
-        ]
-        results = [np.zeros((numel, 2, n_columns)) for numel in self._numel_out]
+        boxes = [upper_bounds(lower, upper) for lower, upper in zip(columns[::2], columns[1::2], strict=True)]
+        results = [np.zeros((2, numel, n_columns)) for numel in self._numel_out]
         with np.errstate(all="ignore", invalid="raise"):  # 0 * inf and inf - inf are rare: each operation catches them
-            self._run(self._interval_program, leaves, results)
-        return tuple((result[:, 0], result[:, 1]) for result in results)
+            program.run(lambda constants: upper_bounds(constants, constants), boxes, results)
+        return tuple((-negated, upper) for negated, upper in results)
 
     def require_smooth(self, what: str) -> None:
         """Refuse a tape with kinks or jumps: second derivatives miss them, so that a proof by them is unsound."""
-        for operation, *_ in self._steps:
+        for operation, _ in self._steps:
             if operation in _KINKED:
                 raise KinkedExpression(f"{what} is not smooth: it contains {NAMES[operation]}; {_KINKED[operation]}")
 
@@ -127,27 +118,46 @@ class Tape:
             raise InputError(f"{self.name}: inputs have shapes {shapes}, expected (n, N) with n = {expected}, one N")
         return columns, widths.pop() if widths else 1
 
-    def _run(self, program: list[Any], leaves: list[Any], results: list[Array]) -> None:
-        values: list[Any] = [None] * self._n_slots + leaves
-        for operation, written, first, second in program:
-            values[written] = operation(values[first]) if second < 0 else operation(values[first], values[second])
-        for (k, row), value in zip(self._results, values, strict=False):
-            results[k][row] = value
+    @cached_property
+    def _float_program(self) -> Program:
+        steps = [Step(code, _in_floats(FLOAT[code]), tuple(map(Read, values))) for code, values in self._steps]
+        return Program(self._leaves, steps, [(k, row, Read(value)) for k, row, value in self._results], 1)
 
-    def _interval_step(self, operation: int, written: int, first: int, second: int) -> tuple[Operation, int, int, int]:
-        """The step on intervals: a better one where an operand is constant or repeated."""
-        leaves: list[Any] = [None] * self._n_slots + self._leaves
-        left, right = leaves[first], leaves[second] if second >= 0 else None
-        if operation == casadi.OP_MUL and first == second:
-            return INTERVAL[casadi.OP_SQ], written, first, -1
-        for factor, other in ((left, second), (right, first)):
-            if operation == casadi.OP_MUL and isinstance(factor, float) and factor != 0.0 and math.isfinite(factor):
-                return scaling(factor), written, other, -1
-        if operation in (casadi.OP_POW, casadi.OP_CONSTPOW) and isinstance(right, float):
-            return constant_power(right), written, first, -1
+    @cached_property
+    def _interval_program(self) -> Program:
+        """Better steps where an operand is constant or repeated; none for the negative of a value."""
+        steps: list[Step] = []
+        known = {~leaf: Read(~leaf) for leaf in range(len(self._leaves))}
+        for index, (operation, values) in enumerate(self._steps):
+            reads = [known[value] for value in values]
+            if operation == casadi.OP_NEG:
+                known[index] = reads[0].negative()
+                continue
+            known[index] = Read(len(steps))
+            steps.append(self._interval_step(operation, values, reads))
+        return Program(self._leaves, steps, [(k, row, known[value]) for k, row, value in self._results], 2)
+
+    def _interval_step(self, operation: int, values: list[int], reads: list[Read]) -> Step:
+        first, last = reads[0], reads[-1]
+        constants = [self._leaves[~value] if value < 0 else None for value in values]
+        if operation == casadi.OP_SUB:
+            return Step("add", add, (first, last.negative()))
+        if operation in (casadi.OP_ADD, casadi.OP_TWICE):
+            return Step("add", add, (first, last))
+        if operation == casadi.OP_MUL and first == last:
+            operation, reads = casadi.OP_SQ, [first]
+        elif operation == casadi.OP_MUL:
+            for factor, constant, other in ((first, constants[0], last), (last, constants[1], first)):
+                if isinstance(constant, float) and constant != 0.0 and math.isfinite(constant):
+                    negated = constant < 0.0
+                    return Step("scale", scale, (other.negative(negated), factor.negative(negated)))
+            return Step("multiply", multiply, (first, last))
+        if operation in (casadi.OP_POW, casadi.OP_CONSTPOW) and isinstance(constants[1], float):
+            exponent = constants[1]
+            return Step((operation, exponent), on_boxes(constant_power(exponent)), (first,))
         if operation not in INTERVAL:
             raise self._unsupported(operation, "in intervals", INTERVAL)
-        return INTERVAL[operation], written, first, second
+        return Step(operation, on_boxes(INTERVAL[operation]), tuple(reads))
 
     def _unsupported(self, operation: int, where: str, known: dict[int, Operation]) -> UnsupportedOperation:
         name = NAMES.get(operation, f"operation {operation}")
@@ -165,6 +175,16 @@ _KINKED: dict[int, str] = operation_table(
 )
 
 # --- Floats -----------------------------------------------------------------------------------------------------------
+
+
+def _in_floats(function: Operation) -> Run:
+    def run(result: Array, *operands: Array) -> None:
+        if isinstance(function, np.ufunc):
+            function(*operands, out=result)
+        else:
+            result[...] = function(*operands)
+
+    return run
 
 
 def _remainder(x: Array, y: Array) -> Array:

@@ -1,0 +1,135 @@
+"""Steps on registers, put together into few passes over many rows: alike and independent ones are one operation.
+
+A value is an integer: a step by its index, a leaf (a constant, or a row of an input) by the complement of its own.
+Registers have one end in floats, two in intervals: the upper bounds of -x and of x, so that both round upward, and the
+ends of -x are those of x in turn.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Hashable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Run = Callable[..., None]  # of the result ``(ends, rows, N)`` to write and copies of the operands, of the same shape
+
+_ENTRIES = 2**18  # of the registers at most: our choice, as many as the caches hold
+_FEWEST = 64  # columns at once, however many the registers
+
+
+class Read(NamedTuple):
+    """A value as it is read: itself or, of an interval, its negative."""
+
+    value: int
+    negated: bool = False
+
+    def negative(self, negated: bool = True) -> Read:
+        """The negative of what is read, if ``negated``."""
+        return Read(self.value, self.negated ^ negated)
+
+
+class Step(NamedTuple):
+    """An operation of a kind on values that are known before it; ``run`` is the same for all of the kind."""
+
+    kind: Hashable
+    run: Run
+    reads: tuple[Read, ...]
+
+
+def _groups(steps: Sequence[Step]) -> list[list[int]]:
+    """Indices of the steps in an order of passes: always the kind, with all its ready steps, of the longest way to go.
+
+    The order is a list schedule by critical paths; for tapes of rigid-body dynamics 2800 steps become 92 passes.
+    """
+    needed = [{read.value for read in step.reads if read.value >= 0} for step in steps]
+    users: list[list[int]] = [[] for _ in steps]
+    way = [1] * len(steps)  # steps from here to the end of the longest chain
+    for i in reversed(range(len(steps))):
+        for j in needed[i]:
+            users[j].append(i)
+            way[j] = max(way[j], way[i] + 1)
+    missing = [len(values) for values in needed]
+    ready: dict[Hashable, list[int]] = defaultdict(list)
+    for i, step in enumerate(steps):
+        if not missing[i]:
+            ready[step.kind].append(i)
+    groups = []
+    while ready:
+        groups.append(ready.pop(max(ready, key=lambda kind: max(way[i] for i in ready[kind]))))
+        for j in (j for i in groups[-1] for j in users[i]):
+            missing[j] -= 1
+            if not missing[j]:
+                ready[steps[j].kind].append(j)
+    return groups
+
+
+class Program:
+    """Passes over registers ``(ends, rows, N)``.
+
+    Args:
+        leaves: constants, and inputs with their row.
+        steps: each after those it reads.
+        results: output and row of each, and what it is.
+        ends: of a register, 1 or 2.
+    """
+
+    def __init__(
+        self, leaves: Sequence[float | tuple[int, int]], steps: Sequence[Step],
+        results: Sequence[tuple[int, int, Read]], ends: int,
+    ) -> None:  # fmt: skip
+        """Orders the steps; see the class."""
+        groups = _groups(steps)
+        order = [i for group in groups for i in group]
+        row = {~j: j for j in range(len(leaves))} | {i: len(leaves) + k for k, i in enumerate(order)}
+        self.ends, self.rows = ends, len(row)
+
+        def ends_of(reads: Sequence[Read]) -> NDArray[np.intp]:
+            rows = [[row[value] + self.rows * (end ^ negated) for value, negated in reads] for end in range(ends)]
+            return np.array(rows, dtype=np.intp).reshape(ends, -1)
+
+        constants = [(j, leaf) for j, leaf in enumerate(leaves) if isinstance(leaf, float)]
+        self._constants = [j for j, _ in constants], np.array([leaf for _, leaf in constants]).reshape(-1, 1)
+        self._inputs: dict[int, tuple[list[int], list[int]]] = defaultdict(lambda: ([], []))  # registers, their rows
+        for j, leaf in enumerate(leaves):
+            if not isinstance(leaf, float):
+                self._inputs[leaf[0]][0].append(j)
+                self._inputs[leaf[0]][1].append(leaf[1])
+        self._passes: list[tuple[Run, slice, list[NDArray[np.intp]]]] = []
+        end = len(leaves)
+        for group in groups:
+            begin, end = end, end + len(group)
+            operands = zip(*(steps[i].reads for i in group), strict=True)
+            self._passes.append((steps[group[0]].run, slice(begin, end), [ends_of(reads) for reads in operands]))
+        self._results = [
+            (k, [r for output, r, _ in results if output == k], ends_of([read for o, _, read in results if o == k]))
+            for k in sorted({output for output, _, _ in results})
+        ]
+
+    def run(self, constants_of: Callable[[Array], Array], inputs: Sequence[Array], results: Sequence[Array]) -> None:
+        """Writes results ``(ends, numel, N)`` of inputs ``(ends, numel, N or 1)``.
+
+        Args:
+            constants_of: the ends ``(ends, constants, 1)`` of constants ``(constants, 1)``.
+            inputs: of each input.
+            results: of each output.
+        """
+        n_columns = results[0].shape[-1] if results else 0
+        width = min(max(_ENTRIES // max(self.ends * self.rows, 1), _FEWEST), max(n_columns, 1))
+        memory, constants = np.empty(self.ends * self.rows * width), constants_of(self._constants[1])
+        for begin in range(0, n_columns, width):
+            columns = slice(begin, min(begin + width, n_columns))
+            count = columns.stop - begin
+            flat = memory[: self.ends * self.rows * count].reshape(-1, count)
+            registers = flat.reshape(self.ends, self.rows, count)
+            registers[:, self._constants[0]] = constants
+            for k, (leaves, rows) in self._inputs.items():
+                values = inputs[k][:, rows]
+                registers[:, leaves] = values if values.shape[-1] == 1 else values[..., columns]
+            for run, written, operands in self._passes:
+                run(registers[:, written], *(flat.take(index, axis=0) for index in operands))
+            for k, rows, index in self._results:
+                results[k][:, rows, columns] = flat.take(index, axis=0)
