@@ -97,19 +97,19 @@ def _upward(values: Array, result: Array) -> None:
 
 
 def add(result: Array, x: Array, y: Array) -> None:
-    """x + y of upper bounds; none is -inf, so that the sum is a number."""
+    """Sum of upper bounds; none is -inf, so that the sum is a number."""
     x += y
     _upward(x, result)
 
 
 def scale(result: Array, x: Array, y: Array) -> None:
-    """x y of upper bounds, for a finite y > 0 that is a number."""
+    """Product of upper bounds with a number y > 0."""
     x *= y[1]
     _upward(x, result)
 
 
 def multiply(result: Array, x: Array, y: Array) -> None:
-    """x y of upper bounds (-a, b) and (-c, d): the largest of -ac, -ad, -bc, -bd and of ac, ad, bc, bd."""
+    """Product of upper bounds (-a, b) and (-c, d): the largest of -ac, -ad, -bc, -bd and of ac, ad, bc, bd."""
     try:
         same, crossed = x * y, x * y[::-1]  # (ac, bd) and (-ad, -bc)
     except FloatingPointError:  # 0 * inf: 0 for finite operands, and their other limits are corners

@@ -1,24 +1,24 @@
 """Steps on registers, put together into few passes over many rows: alike and independent ones are one operation.
 
 A value is an integer: a step by its index, a leaf (a constant, or a row of an input) by the complement of its own.
-Registers have one end in floats, two in intervals: the upper bounds of -x and of x, so that both round upward, and the
-ends of -x are those of x in turn.
+A register holds upper bounds of -x and of x, so that both round upward, and the ends of -x are those of x in turn.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Run = Callable[..., None]  # of the result ``(ends, rows, N)`` to write and copies of the operands, of the same shape
+from ocp_traj.interval.intervals import upper_bounds
 
-_ENTRIES = 2**18  # of the registers at most: our choice, as many as the caches hold
-_FEWEST = 64  # columns at once, however many the registers
+Array = NDArray[np.float64]
+Run = Callable[..., None]  # of the result ``(2, rows, N)`` to write and copies of the operands, of the same shape
+
+_ENTRIES = 2**21  # of the registers at most: our choice, as many as the caches hold
 
 
 class Read(NamedTuple):
@@ -68,31 +68,29 @@ def _groups(steps: Sequence[Step]) -> list[list[int]]:
 
 
 class Program:
-    """Passes over registers ``(ends, rows, N)``.
+    """Passes over registers ``(2, rows, N)``.
 
     Args:
         leaves: constants, and inputs with their row.
         steps: each after those it reads.
         results: output and row of each, and what it is.
-        ends: of a register, 1 or 2.
     """
 
     def __init__(
-        self, leaves: Sequence[float | tuple[int, int]], steps: Sequence[Step],
-        results: Sequence[tuple[int, int, Read]], ends: int,
-    ) -> None:  # fmt: skip
+        self, leaves: Sequence[float | tuple[int, int]], steps: Sequence[Step], results: Sequence[tuple[int, int, Read]]
+    ) -> None:
         """Orders the steps; see the class."""
         groups = _groups(steps)
-        order = [i for group in groups for i in group]
-        row = {~j: j for j in range(len(leaves))} | {i: len(leaves) + k for k, i in enumerate(order)}
-        self.ends, self.rows = ends, len(row)
+        order = [~j for j in range(len(leaves))] + [i for group in groups for i in group]
+        self._rows, row = len(order), {value: k for k, value in enumerate(order)}
 
         def ends_of(reads: Sequence[Read]) -> NDArray[np.intp]:
-            rows = [[row[value] + self.rows * (end ^ negated) for value, negated in reads] for end in range(ends)]
-            return np.array(rows, dtype=np.intp).reshape(ends, -1)
+            """Where both ends are among those of all registers ``(2, reads)``."""
+            return np.array([[row[v] + self._rows * (end ^ negated) for v, negated in reads] for end in (0, 1)])
 
-        constants = [(j, leaf) for j, leaf in enumerate(leaves) if isinstance(leaf, float)]
-        self._constants = [j for j, _ in constants], np.array([leaf for _, leaf in constants]).reshape(-1, 1)
+        self._constants = [j for j, leaf in enumerate(leaves) if isinstance(leaf, float)]
+        numbers = np.array([leaves[j] for j in self._constants]).reshape(-1, 1)
+        self._numbers = upper_bounds(numbers, numbers)
         self._inputs: dict[int, tuple[list[int], list[int]]] = defaultdict(lambda: ([], []))  # registers, their rows
         for j, leaf in enumerate(leaves):
             if not isinstance(leaf, float):
@@ -109,26 +107,17 @@ class Program:
             for k in sorted({output for output, _, _ in results})
         ]
 
-    def run(self, constants_of: Callable[[Array], Array], inputs: Sequence[Array], results: Sequence[Array]) -> None:
-        """Writes results ``(ends, numel, N)`` of inputs ``(ends, numel, N or 1)``.
-
-        Args:
-            constants_of: the ends ``(ends, constants, 1)`` of constants ``(constants, 1)``.
-            inputs: of each input.
-            results: of each output.
-        """
+    def run(self, inputs: Sequence[Array], results: Sequence[Array]) -> None:
+        """Writes results ``(2, numel, N)`` from inputs ``(2, numel, N or 1)``, upper bounds of both."""
         n_columns = results[0].shape[-1] if results else 0
-        width = min(max(_ENTRIES // max(self.ends * self.rows, 1), _FEWEST), max(n_columns, 1))
-        memory, constants = np.empty(self.ends * self.rows * width), constants_of(self._constants[1])
-        for begin in range(0, n_columns, width):
-            columns = slice(begin, min(begin + width, n_columns))
-            count = columns.stop - begin
-            flat = memory[: self.ends * self.rows * count].reshape(-1, count)
-            registers = flat.reshape(self.ends, self.rows, count)
-            registers[:, self._constants[0]] = constants
+        width = max(_ENTRIES // (2 * self._rows + 1), 1)
+        memory = np.empty(2 * self._rows * min(width, n_columns))
+        for columns in (slice(k, min(k + width, n_columns)) for k in range(0, n_columns, width)):
+            flat = memory[: 2 * self._rows * (columns.stop - columns.start)].reshape(2 * self._rows, -1)
+            registers = flat.reshape(2, self._rows, -1)
+            registers[:, self._constants] = self._numbers
             for k, (leaves, rows) in self._inputs.items():
-                values = inputs[k][:, rows]
-                registers[:, leaves] = values if values.shape[-1] == 1 else values[..., columns]
+                registers[:, leaves] = (inputs[k] if inputs[k].shape[-1] == 1 else inputs[k][..., columns])[:, rows]
             for run, written, operands in self._passes:
                 run(registers[:, written], *(flat.take(index, axis=0) for index in operands))
             for k, rows, index in self._results:

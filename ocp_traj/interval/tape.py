@@ -17,9 +17,18 @@ from scipy import special
 
 from ocp_traj.errors import InputError, KinkedExpression, UnsupportedOperation
 from ocp_traj.interval.intervals import (
-    INTERVAL, Array, Operation, add, constant_power, multiply, on_boxes, operation_table, scale, upper_bounds,
+    INTERVAL,
+    Array,
+    Operation,
+    add,
+    constant_power,
+    multiply,
+    on_boxes,
+    operation_table,
+    scale,
+    upper_bounds,
 )  # fmt: skip
-from ocp_traj.interval.program import Program, Read, Run, Step
+from ocp_traj.interval.program import Program, Read, Step
 
 
 class Tape:
@@ -37,32 +46,35 @@ class Tape:
         self._numel_in = [function.numel_in(k) for k in range(self.n_in)]
         self._numel_out = [function.numel_out(k) for k in range(self.n_out)]
         rows_in = [function.sparsity_in(k).find() for k in range(self.n_in)]  # dense rows of the non-zeros
-        rows_out = [function.sparsity_out(k).find() for k in range(self.n_out)]
-        # Values are numbered as in ``program``.
+        # Slots, in this order: non-zeros of the outputs, registers, leaves (a constant or a row of an input).
+        self._results = [(k, row) for k in range(self.n_out) for row in function.sparsity_out(k).find()]
+        first_result = np.cumsum([0] + [function.nnz_out(k) for k in range(self.n_out)]).tolist()
+        self._n_slots: int = len(self._results) + function.sz_w()
         self._leaves: list[float | tuple[int, int]] = []
-        self._steps: list[tuple[int, list[int]]] = []  # operation, values read
-        self._results: list[tuple[int, int, int]] = []  # output, row, value
+        self._steps: list[tuple[int, int, int, int]] = []  # operation, slot written, slots read (-1: none)
         leaf_of_row: dict[tuple[int, int], int] = {}
-        value: dict[int, int] = {}  # in each register
+        slot: dict[int, int] = {}  # where the value of a register is
         for index in range(function.n_instructions()):
             operation = function.instruction_id(index)
             read, written = function.instruction_input(index), function.instruction_output(index)
             if operation == casadi.OP_OUTPUT:
-                self._results.append((written[0], rows_out[written[0]][written[1]], value[read[0]]))
+                self._steps.append((casadi.OP_ASSIGN, first_result[written[0]] + written[1], slot[read[0]], -1))
             elif operation == casadi.OP_CONST:
-                value[written[0]] = ~len(self._leaves)
+                slot[written[0]] = self._n_slots + len(self._leaves)
                 self._leaves.append(function.instruction_constant(index))
             elif operation == casadi.OP_INPUT:
                 row = (read[0], rows_in[read[0]][read[1]])
                 if row not in leaf_of_row:
-                    leaf_of_row[row] = ~len(self._leaves)
+                    leaf_of_row[row] = len(self._leaves)
                     self._leaves.append(row)
-                value[written[0]] = leaf_of_row[row]
+                slot[written[0]] = self._n_slots + leaf_of_row[row]
             elif operation in FLOAT:
-                self._steps.append((operation, [value[register] for register in read]))
-                value[written[0]] = len(self._steps) - 1
+                operands = [slot[register] for register in read] + [-1]
+                slot[written[0]] = len(self._results) + written[0]
+                self._steps.append((operation, slot[written[0]], operands[0], operands[1]))
             else:
                 raise self._unsupported(operation, "in floats", FLOAT)
+        self._float_program = [(FLOAT[operation], *slots) for operation, *slots in self._steps]
 
     def evaluate(self, *inputs: Array) -> tuple[Array, ...]:
         """Values at ``N`` points.
@@ -74,10 +86,15 @@ class Tape:
             Result k, dense column-major, ``(numel_out(k), N)``.
         """
         rows, n_columns = self._columns(inputs)
-        results = [np.zeros((1, numel, n_columns)) for numel in self._numel_out]
+        leaves = [leaf if isinstance(leaf, float) else rows[leaf[0]][leaf[1]] for leaf in self._leaves]
+        results = [np.zeros((numel, n_columns)) for numel in self._numel_out]
         with np.errstate(all="ignore"):
-            self._float_program.run(lambda constants: constants[None], [row[None] for row in rows], results)
-        return tuple(result[0] for result in results)
+            values: list[Any] = [None] * self._n_slots + leaves
+            for operation, written, first, second in self._float_program:
+                values[written] = operation(values[first]) if second < 0 else operation(values[first], values[second])
+        for (k, row), value in zip(self._results, values, strict=False):
+            results[k][row] = value
+        return tuple(results)
 
     def enclose(self, *inputs: tuple[Array, Array]) -> tuple[tuple[Array, Array], ...]:
         """Bounds on the exact range over ``N`` boxes.
@@ -90,18 +107,18 @@ class Tape:
         """
         program = self._interval_program
         columns, n_columns = self._columns([end for pair in inputs for end in pair], ends=2)
-        for k, (lower, upper) in enumerate(zip(columns[::2], columns[1::2], strict=True)):
+        pairs = list(zip(columns[::2], columns[1::2], strict=True))
+        for k, (lower, upper) in enumerate(pairs):
             if (lower > upper).any():
                 raise InputError(f"{self.name}: input {k} has a lower end above its upper end; swap them")
-        boxes = [upper_bounds(lower, upper) for lower, upper in zip(columns[::2], columns[1::2], strict=True)]
         results = [np.zeros((2, numel, n_columns)) for numel in self._numel_out]
         with np.errstate(all="ignore", invalid="raise"):  # 0 * inf and inf - inf are rare: each operation catches them
-            program.run(lambda constants: upper_bounds(constants, constants), boxes, results)
+            program.run([upper_bounds(*pair) for pair in pairs], results)
         return tuple((-negated, upper) for negated, upper in results)
 
     def require_smooth(self, what: str) -> None:
         """Refuse a tape with kinks or jumps: second derivatives miss them, so that a proof by them is unsound."""
-        for operation, _ in self._steps:
+        for operation, *_ in self._steps:
             if operation in _KINKED:
                 raise KinkedExpression(f"{what} is not smooth: it contains {NAMES[operation]}; {_KINKED[operation]}")
 
@@ -119,27 +136,22 @@ class Tape:
         return columns, widths.pop() if widths else 1
 
     @cached_property
-    def _float_program(self) -> Program:
-        steps = [Step(code, _in_floats(FLOAT[code]), tuple(map(Read, values))) for code, values in self._steps]
-        return Program(self._leaves, steps, [(k, row, Read(value)) for k, row, value in self._results], 1)
-
-    @cached_property
     def _interval_program(self) -> Program:
-        """Better steps where an operand is constant or repeated; none for the negative of a value."""
+        """Passes in intervals; better ones where an operand is constant or repeated, none for a negative."""
         steps: list[Step] = []
-        known = {~leaf: Read(~leaf) for leaf in range(len(self._leaves))}
-        for index, (operation, values) in enumerate(self._steps):
-            reads = [known[value] for value in values]
-            if operation == casadi.OP_NEG:
-                known[index] = reads[0].negative()
-                continue
-            known[index] = Read(len(steps))
-            steps.append(self._interval_step(operation, values, reads))
-        return Program(self._leaves, steps, [(k, row, known[value]) for k, row, value in self._results], 2)
+        value = {self._n_slots + j: Read(~j) for j in range(len(self._leaves))}  # in each slot
+        for operation, written, *slots in self._steps:
+            reads = [value[slot] for slot in slots if slot >= 0]
+            if operation in (casadi.OP_ASSIGN, casadi.OP_NEG):
+                value[written] = reads[0].negative(operation == casadi.OP_NEG)
+            else:
+                value[written] = Read(len(steps))
+                steps.append(self._interval_step(operation, reads))
+        results = [(k, row, value[slot]) for slot, (k, row) in enumerate(self._results)]
+        return Program(self._leaves, steps, results)
 
-    def _interval_step(self, operation: int, values: list[int], reads: list[Read]) -> Step:
+    def _interval_step(self, operation: int, reads: list[Read]) -> Step:
         first, last = reads[0], reads[-1]
-        constants = [self._leaves[~value] if value < 0 else None for value in values]
         if operation == casadi.OP_SUB:
             return Step("add", add, (first, last.negative()))
         if operation in (casadi.OP_ADD, casadi.OP_TWICE):
@@ -147,17 +159,23 @@ class Tape:
         if operation == casadi.OP_MUL and first == last:
             operation, reads = casadi.OP_SQ, [first]
         elif operation == casadi.OP_MUL:
-            for factor, constant, other in ((first, constants[0], last), (last, constants[1], first)):
-                if isinstance(constant, float) and constant != 0.0 and math.isfinite(constant):
-                    negated = constant < 0.0
-                    return Step("scale", scale, (other.negative(negated), factor.negative(negated)))
+            for factor, other in ((first, last), (last, first)):
+                number = self._constant(factor)
+                if number and math.isfinite(number):
+                    return Step("scale", scale, (other.negative(number < 0.0), factor.negative(number < 0.0)))
             return Step("multiply", multiply, (first, last))
-        if operation in (casadi.OP_POW, casadi.OP_CONSTPOW) and isinstance(constants[1], float):
-            exponent = constants[1]
-            return Step((operation, exponent), on_boxes(constant_power(exponent)), (first,))
+        elif operation in (casadi.OP_POW, casadi.OP_CONSTPOW):
+            exponent = self._constant(last)
+            if exponent is not None:
+                return Step((operation, exponent), on_boxes(constant_power(exponent)), (first,))
         if operation not in INTERVAL:
             raise self._unsupported(operation, "in intervals", INTERVAL)
         return Step(operation, on_boxes(INTERVAL[operation]), tuple(reads))
+
+    def _constant(self, read: Read) -> float | None:
+        """The number that is read, if it is a constant."""
+        leaf = self._leaves[~read.value] if read.value < 0 else None
+        return (-leaf if read.negated else leaf) if isinstance(leaf, float) else None
 
     def _unsupported(self, operation: int, where: str, known: dict[int, Operation]) -> UnsupportedOperation:
         name = NAMES.get(operation, f"operation {operation}")
@@ -175,16 +193,6 @@ _KINKED: dict[int, str] = operation_table(
 )
 
 # --- Floats -----------------------------------------------------------------------------------------------------------
-
-
-def _in_floats(function: Operation) -> Run:
-    def run(result: Array, *operands: Array) -> None:
-        if isinstance(function, np.ufunc):
-            function(*operands, out=result)
-        else:
-            result[...] = function(*operands)
-
-    return run
 
 
 def _remainder(x: Array, y: Array) -> Array:
