@@ -76,7 +76,9 @@ class Prover:
             parts.append(Arcs.of_segments(owner, segment, points, duration, orders))
         arcs = Arcs.join(parts)
         arcs = arcs.take(np.lexsort((arcs.segment, arcs.owner)))  # every array of arcs is in the order of its owners
-        while self.limit.order is None and len(arcs) < FIRST:
+        if self.limit.order is not None:
+            return arcs.only(self.limit.order)
+        while len(arcs) < FIRST:
             left, right = arcs.split(np.full(len(arcs), 0.5))
             arcs = left.interleave(right)
         return arcs
@@ -130,7 +132,7 @@ class Prover:
     def _enclose(self, batch: _Batch) -> tuple[Array, Array]:
         """Bounds of both sides over each arc, and where to cut it."""
         if self.limit.order is not None:
-            bound = both_sides(*batch.arcs.hull(self.limit.order))[1]
+            bound = both_sides(*batch.arcs.hulls())[1]
             return np.minimum(np.where(np.isnan(bound), np.inf, bound), batch.bound), np.full(bound.shape, 0.5)
         ends = batch.start[1], batch.end[1], self.tapes.curvatures(batch.arcs)[0], batch.arcs.width()
         return np.minimum(parabola_bound(*ends), batch.bound), peak_fraction(*ends)
@@ -138,7 +140,7 @@ class Prover:
     def _values(self, arcs: Arcs, which: int) -> Pair:
         """Bounds of both sides' values at one end of each arc, of which note is taken."""
         order = self.limit.order
-        low, high = both_sides(*arcs.end(order, which)) if order is not None else self.tapes.values(arcs, which)
+        low, high = both_sides(*arcs.ends(which)) if order is not None else self.tapes.values(arcs, which)
         self.known.attain(arcs.owner, low, arcs.segment, arcs.a if which == 0 else arcs.b)
         owners, first = np.unique(arcs.owner, return_index=True)
         self.floor[..., owners] = np.maximum(self.floor[..., owners], np.maximum.reduceat(high, first, axis=-1))

@@ -105,8 +105,7 @@ class SweptProver:
             middle = chosen.low + at_sweep[~time] * (chosen.high - chosen.low)
             pieces.append(_Rectangles(chosen.arcs, chosen.low, middle, chosen.cuts + 1))
             pieces.append(_Rectangles(chosen.arcs, middle, chosen.high, chosen.cuts + 1))
-        splits = max(piece.arcs.splits for piece in pieces)
-        arcs = Arcs.join([_as_often(piece.arcs, splits) for piece in pieces])
+        arcs = Arcs.join([piece.arcs for piece in pieces])
         low, high, cuts = (np.concatenate([getattr(p, name) for p in pieces]) for name in ("low", "high", "cuts"))
         return _Rectangles(arcs, low, high, cuts)
 
@@ -141,8 +140,3 @@ class SweptProver:
         at = peak_fraction(start, end, of(c_time), width)
         at_sweep = peak_fraction(of(edges["low"]), of(edges["high"]), of(c_sweep), along)
         return bound, still_open, time, at, at_sweep
-
-
-def _as_often(arcs: Arcs, splits: int) -> Arcs:
-    """The same arcs, recorded as cut ``splits`` times: the bound on their ends' rounding only grows."""
-    return Arcs(arcs.owner, arcs.segment, arcs.a, arcs.b, arcs.duration, arcs.hodographs, splits)
