@@ -19,6 +19,7 @@ Pair = tuple[Array, Array]  # lower, upper
 
 # A cut at a + r (b - a) rounds three times, by at most 2^-54 each since all stays below 1, and passes on older errors.
 ROUNDING = 2.3e-16
+_PER_ARC = ("owner", "segment", "a", "b", "duration", "points")
 _TINY = np.finfo(float).tiny  # 2^-1022
 
 
@@ -77,8 +78,7 @@ class Arcs:
         counts = tuple(map(max, zip(*(part.counts for part in parts), strict=True)))
         points = [part._elevated(counts) for part in parts]
         owner, segment, a, b, duration = (
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("owner", "segment", "a", "b", "duration")
+            np.concatenate([getattr(part, name) for part in parts]) for name in _PER_ARC[:-1]
         )
         splits = max(part.splits for part in parts)
         return cls(owner, segment, a, b, duration, np.concatenate(points, axis=-1), counts, splits)
@@ -107,10 +107,10 @@ class Arcs:
             self.points[..., which], self.counts, self.splits,
         )  # fmt: skip
 
-    def only(self, order: int) -> Arcs:
-        """The same arcs with one derivative alone."""
-        count = self.counts[order]
-        return replace(self, points=self.points[:count, order : order + 1], counts=(count,))
+    def only(self, orders: Sequence[int]) -> Arcs:
+        """The same arcs with some derivatives alone."""
+        counts = tuple(self.counts[order] for order in orders)
+        return replace(self, points=self.points[: max(counts), orders], counts=counts)
 
     def split(self, at: Array) -> tuple[Arcs, Arcs]:
         """Left and right parts of every arc, cut at the fraction ``at (N,)`` (rounded to 2^-20, so exact)."""
@@ -128,7 +128,12 @@ class Arcs:
 
     def interleave(self, other: Arcs) -> Arcs:
         """These arcs and as many others in turn."""
-        return Arcs.join([self, other]).take(np.arange(2 * len(self)).reshape(2, -1).T.ravel())
+        arrays = ((getattr(arcs, name) for arcs in (self, other)) for name in _PER_ARC)
+        owner, segment, a, b, duration, points = (np.stack(list(pair), axis=-1) for pair in arrays)
+        points = points.reshape(*points.shape[:-2], -1)
+        return Arcs(
+            owner.ravel(), segment.ravel(), a.ravel(), b.ravel(), duration.ravel(), points, self.counts, self.splits
+        )
 
     @property
     def hodographs(self) -> tuple[Pair, ...]:
@@ -146,11 +151,11 @@ class Arcs:
 
     def hull(self, order: int) -> Pair:
         """Bounds of one derivative on each arc, ``(dof, N)`` each."""
-        return self.only(order).hulls()
+        return self.only([order]).hulls()
 
     def end(self, order: int, which: int) -> Pair:
         """Bounds of one derivative at the start (0) or end (-1) of each arc, ``(dof, N)``."""
-        return self.only(order).ends(which)
+        return self.only([order]).ends(which)
 
     @property
     def slack(self) -> float:

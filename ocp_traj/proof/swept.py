@@ -47,12 +47,13 @@ class SweptProver:
     """Encloses one swept limit over all segments of all trajectories; see ``ocp_traj.proof.prover.Prover``."""
 
     def __init__(
-        self, trajectories: Sequence[Motion], requirements: Requirements, limit: PathConstraint,
+        self, trajectories: Sequence[Motion], requirements: Requirements, limits: Sequence[PathConstraint],
         allowance: float, tightness: float, max_arcs: int,
     ) -> None:  # fmt: skip
+        (limit,) = limits
         self.trajectories, self.limit, self.max_arcs = trajectories, limit, max_arcs
         self.tapes = LimitTapes(trajectories, requirements, limit)
-        self.known = Decision(trajectories, limit, allowance, max(tightness, RESOLUTION))
+        self.known = Decision(trajectories, [limit], allowance, max(tightness, RESOLUTION))
 
     def run(self) -> list[list[AuditRow]]:
         """One row a row of the limit, for each trajectory."""
@@ -65,8 +66,10 @@ class SweptProver:
         while pending:
             part = pending.pop()
             bound, still_open, cut_time, at, at_sweep = self._enclose(part)
-            known.boxes[index] += len(part.low)
-            keep = still_open.any(axis=(0, 1)) & (known.boxes[index] < self.max_arcs) & (part.arcs.splits < MAX_SPLITS)
+            known.boxes[0, index] += len(part.low)
+            keep = (
+                still_open.any(axis=(0, 1)) & (known.boxes[0, index] < self.max_arcs) & (part.arcs.splits < MAX_SPLITS)
+            )
             keep &= (part.cuts < MAX_CUTS) | cut_time
             known.close(part.arcs.owner[~keep], bound[..., ~keep])
             if keep.any():
