@@ -107,23 +107,30 @@ class Decision:
 
     def rows(self, motion: int) -> list[AuditRow]:
         """Of each row of the limits the side that is worse off."""
-        rows = []
-        for row in range(len(self.scale)):
-            sides = [self._row(side, row, motion) for side in (0, 1) if np.isfinite(self.bound[side, row])]
+        rows: list[AuditRow] = []
+        names = [
+            (k, *name) for k, limit in enumerate(self.limits) for name in zip(limit.labels, limit.units, strict=True)
+        ]
+        numbers = (
+            self.bound,
+            self.allowance,
+            self.attained[..., motion],
+            self.proved[..., motion],
+            *self.place[..., motion],
+        )
+        table = np.stack(numbers).transpose(2, 1, 0).tolist()  # by row and side
+        curve, knots = self.motions[motion].curve, self.motions[motion].curve.knots
+        for row, (k, label, unit) in enumerate(names):
+            sides = []
+            for sign, values in zip((1.0, -1.0), table[row], strict=True):
+                bound, allowance, attained, proved, segment, u, sweep = values
+                if np.isfinite(bound):
+                    sides.append(AuditRow(
+                        self.limits[k].id, label, unit, sign * bound, sign * attained,
+                        float(knots[int(segment)] + u * curve.durations[int(segment)]), sign * proved,
+                        (bound - proved) / float(self.scale[row]), decide(attained, proved, bound + allowance),
+                        int(self.boxes[k, motion]), sweep if self.limits[k].sweep else None, allowance,
+                    ))  # fmt: skip
             if sides:
                 rows.append(max(sides, key=lambda r: (SEVERITY[r.verdict], -r.margin)))
         return rows
-
-    def _row(self, side: int, row: int, motion: int) -> AuditRow:
-        at, sign, k = (side, row, motion), (1.0, -1.0)[side], int(self.limit_of[row])
-        limit, label = self.limits[k], row - int(np.searchsorted(self.limit_of, k))
-        bound, allowance = float(self.bound[side, row]), float(self.allowance[side, row])
-        attained, proved = float(self.attained[at]), float(self.proved[at])
-        segment, u, sweep = self.place[:, *at].tolist()
-        curve, segment = self.motions[motion].curve, int(segment)
-        return AuditRow(
-            limit.id, limit.labels[label], limit.units[label], sign * bound, sign * attained,
-            float(curve.knots[segment] + u * curve.durations[segment]), sign * proved,
-            (bound - proved) / float(self.scale[row]), decide(attained, proved, bound + allowance),
-            int(self.boxes[k, motion]), sweep if limit.sweep else None, allowance,
-        )  # fmt: skip
