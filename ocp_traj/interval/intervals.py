@@ -253,11 +253,10 @@ _multiply, _divide, _atan2 = _corners(np.multiply, _NEXT), _corners(np.divide, _
 _exp, _log = _increasing(np.exp, image=(0.0, np.inf)), _increasing(np.log, domain=(0.0, np.inf))
 _acos_of_minus = _increasing(lambda x: np.arccos(-x), domain=(-1.0, 1.0), image=(0.0, _PI))
 
-# Extensions by operation code.
+# Extensions by operation code, beside sums, products and negatives.
 INTERVAL: dict[int, Operation] = operation_table(
-    ASSIGN=lambda x: x, NEG=lambda x: -x[::-1], FABS=_magnitude, FMIN=np.minimum, FMAX=np.maximum,
-    ADD=lambda x, y: _outward(x + y, _NEXT), SUB=lambda x, y: _outward(x - y[::-1], _NEXT), MUL=_multiply,
-    TWICE=lambda x: _outward(x + x, _NEXT), DIV=_quotient, INV=_inverse, POW=_power, CONSTPOW=_power, HYPOT=_length,
+    ASSIGN=lambda x: x, FABS=_magnitude, FMIN=np.minimum, FMAX=np.maximum,
+    DIV=_quotient, INV=_inverse, POW=_power, CONSTPOW=_power, HYPOT=_length,
     SQ=_even(_increasing(np.square, image=(0.0, np.inf), margin=_NEXT)),
     SQRT=_increasing(np.sqrt, domain=(0.0, np.inf), image=(0.0, np.inf), margin=_NEXT),
     EXP=_exp, EXPM1=_increasing(np.expm1, image=(-1.0, np.inf)),

@@ -40,7 +40,7 @@ class Step(NamedTuple):
     reads: tuple[Read, ...]
 
 
-def _groups(steps: Sequence[Step]) -> list[list[int]]:
+def groups_of(steps: Sequence[Step]) -> list[list[int]]:
     """Indices of the steps in an order of passes: always the kind, with all its ready steps, of the longest way to go.
 
     The order is a list schedule by critical paths; for tapes of rigid-body dynamics 2800 steps become 92 passes.
@@ -80,7 +80,7 @@ class Program:
         self, leaves: Sequence[float | tuple[int, int]], steps: Sequence[Step], results: Sequence[tuple[int, int, Read]]
     ) -> None:
         """Orders the steps; see the class."""
-        groups = _groups(steps)
+        groups = groups_of(steps)
         order = [~j for j in range(len(leaves))] + [i for group in groups for i in group]
         self._rows, row = len(order), {value: k for k, value in enumerate(order)}
 

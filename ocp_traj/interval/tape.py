@@ -7,7 +7,7 @@ result contains the exact range of the tape (its constants as rounded) over each
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -169,7 +169,7 @@ class Tape:
             if exponent is not None:
                 return Step((operation, exponent), on_boxes(constant_power(exponent)), (first,))
         if operation not in INTERVAL:
-            raise self._unsupported(operation, "in intervals", INTERVAL)
+            raise self._unsupported(operation, "in intervals", [*INTERVAL, *_ARITHMETIC])
         return Step(operation, on_boxes(INTERVAL[operation]), tuple(reads))
 
     def _constant(self, read: Read) -> float | None:
@@ -177,13 +177,14 @@ class Tape:
         leaf = self._leaves[~read.value] if read.value < 0 else None
         return (-leaf if read.negated else leaf) if isinstance(leaf, float) else None
 
-    def _unsupported(self, operation: int, where: str, known: dict[int, Operation]) -> UnsupportedOperation:
+    def _unsupported(self, operation: int, where: str, known: Iterable[int]) -> UnsupportedOperation:
         name = NAMES.get(operation, f"operation {operation}")
         allowed = ", ".join(sorted(NAMES[key] for key in known))
         return UnsupportedOperation(f"{self.name}: {name} is not supported {where}; supported are {allowed}")
 
 
 NAMES = {getattr(casadi, name): name for name in dir(casadi) if name.startswith("OP_")}
+_ARITHMETIC = casadi.OP_ADD, casadi.OP_SUB, casadi.OP_TWICE, casadi.OP_MUL, casadi.OP_NEG
 _SPLIT = "split it into several limits, one for each branch or argument (a maximum is several limits)"
 _KINKED: dict[int, str] = operation_table(
     FABS="write |x| <= c as the two-sided limit -c <= x <= c, and limit a distance by its square (sqrt(x^2) is |x|)",
