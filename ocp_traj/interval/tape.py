@@ -74,7 +74,7 @@ class Tape:
                 self._steps.append((operation, slot[written[0]], operands[0], operands[1]))
             else:
                 raise self._unsupported(operation, "in floats", FLOAT)
-        self._float_program = [(FLOAT[operation], *slots) for operation, *slots in self._steps]
+        self._float_program: list[Any] = [(FLOAT[operation], *slots) for operation, *slots in self._steps]
 
     def evaluate(self, *inputs: Array) -> tuple[Array, ...]:
         """Values at ``N`` points.

@@ -122,8 +122,8 @@ class Prover:
         left, right = batch.arcs.split(np.broadcast_to(at, len(batch.arcs)))
         middle = self._values(left, -1, batch.concerns)
         start, end = _alternate(batch.start, middle), _alternate(middle, batch.end)
-        twice = (np.repeat(values, 2, axis=-1) for values in (batch.bound, batch.concerns))
-        return _Batch(left.interleave(right), start, end, *twice)
+        bound, concerns = np.repeat(batch.bound, 2, axis=-1), np.repeat(batch.concerns, 2, axis=-1)
+        return _Batch(left.interleave(right), start, end, bound, concerns)
 
     def _open(self, batch: _Batch, bound: Array) -> NDArray[np.bool_]:
         """Which sides, rows and arcs to cut; not those whose bound cannot be told from a value found so far."""
