@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 import casadi
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from ocp_traj import problems
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.families import at_rest, nonic
 from ocp_traj.formulation import standard
@@ -30,8 +30,6 @@ from ocp_traj.results.trajectory import Trajectory
 from ocp_traj.results.trajectory import trajectory_of as of_vector
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.robot import Robot
-
-Array = NDArray[np.float64]
 
 POINTS = 100_000
 REPEATS = 7

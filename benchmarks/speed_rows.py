@@ -20,9 +20,9 @@ from typing import Any
 import casadi
 import moocore
 import numpy as np
-from numpy.typing import NDArray
 
 import ocp_traj as ot
+from ocp_traj.arrays import Array
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.nsga2 import NSGA2
 
@@ -45,7 +45,6 @@ else:
 
     TEXTS = {}
 
-Array = NDArray[np.float64]
 Figures = dict[str, Any]
 
 TRADED = ("time", "energy")

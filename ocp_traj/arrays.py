@@ -1,4 +1,4 @@
-"""The array of numbers that annotations mean."""
+"""The arrays of numbers and of indices that annotations mean."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -7,13 +7,12 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array
 from ocp_traj.robot.chain import AxisJoint, DHRow, LinkInertia
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.robot import ActuatorMap, Robot
-
-Array = NDArray[np.float64]
 
 JOINTS = ("X_S1", "X_S2", "X_S3", "phi_4", "phi_5")
 UNITS = ("m", "m", "m", "rad", "rad")

@@ -14,16 +14,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pinocchio.rpy import rpyToMatrix
 
+from ocp_traj.arrays import Array
 from ocp_traj.robot.chain import AxisJoint, LinkInertia
 from ocp_traj.robot.dynamics import Friction
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.robot import Robot
 from ocp_traj.robot.six_axis import JointAngles, SixAxisArm
-
-Array = NDArray[np.float64]
 
 JOINTS = ("A1", "A2", "A3", "A4", "A5", "A6")
 H = pi / 2.0

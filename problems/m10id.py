@@ -14,13 +14,12 @@ from typing import Any
 import casadi
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array
 from ocp_traj.robot.chain import AxisJoint, LinkInertia
 from ocp_traj.robot.robot import ActuatorMap, Robot
 from ocp_traj.robot.six_axis import JointAngles, SixAxisArm
-
-Array = NDArray[np.float64]
 
 JOINTS = ("J1", "J2", "J3", "J4", "J5", "J6")
 VELOCITY = (210.0, 210.0, 220.0, 430.0, 450.0, 720.0)  # [deg/s]

@@ -7,8 +7,8 @@ from math import cos, radians
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.curves.families import at_rest, nonic
 from ocp_traj.errors import InputError
@@ -18,7 +18,6 @@ from ocp_traj.paths.tracking import Fit, fit_path, perpendicular, pose_function
 from ocp_traj.problems import kr90
 from ocp_traj.robot.robot import Robot
 
-Array = NDArray[np.float64]
 Case = Any  # the paper's, which is built on this file: no import can name it
 
 JOINTS = kr90.JOINTS

@@ -14,15 +14,14 @@ from typing import Any
 import casadi
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.robot.chain import AxisJoint, LinkInertia
 from ocp_traj.robot.collision import Obstacle
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.robot import Robot
-
-Array = NDArray[np.float64]
 
 JOINTS = ("theta1", "theta2", "theta3")
 UNITS = ("rad", "rad", "rad")

@@ -31,9 +31,9 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 from ocp_traj.formulation.problem import Problem
@@ -48,8 +48,6 @@ from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.protocols import LocalSolver
 from ocp_traj.stopping import STOPS, Stopping, stopping
 from ocp_traj.transcription.symbolic import variables_function
-
-Array = NDArray[np.float64]
 
 SAMPLES = 13  # instants a segment among which a box's peaks are looked for: our choice; two refinements follow
 NEAR = 0.02  # of a limit's scale: rows that do not scale and come this close at the solution take part; our choice

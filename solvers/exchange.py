@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.formulation import case
 from ocp_traj.formulation.problem import Problem
@@ -37,8 +37,6 @@ from ocp_traj.transcription.symbolic import evaluate_objectives, motion_of, vari
 from ocp_traj.transcription.transcription import BACK_OFF, row_of, transcribe
 from ocp_traj.transcription.turning_points import turned
 from ocp_traj.transcription.worst_instants import worst_instants
-
-Array = NDArray[np.float64]
 
 KEEP = 0.1  # of a limit's scale: rows with more slack than this after the first solve are dropped; our choice
 STALLED, NEGLIGIBLE = (

@@ -15,14 +15,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.solvers.nlpsol import symbolic_solver
 from ocp_traj.stopping import stopping
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
-
-Array = NDArray[np.float64]
 
 RELAXED = 1e-8  # of a bound, or of one: FATROP's own
 _NEAR = {"mu_init": 1e-6, "bound_push": 1e-8, "bound_frac": 1e-8}  # our choice

@@ -18,9 +18,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pymoo.util.ref_dirs import get_reference_directions
 
+from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.evolution.population import Population
@@ -37,8 +37,6 @@ from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.stopping import STOPS, stopping
 from ocp_traj.transcription.nlp import Status
 from ocp_traj.transcription.symbolic import evaluate_objectives
-
-Array = NDArray[np.float64]
 
 SAME = 1e-9  # of the front's extent: points closer than this in every objective are one; our choice
 REFINEMENTS = 4  # how many finer lattices are tried where the first one leaves points to be had: our choice

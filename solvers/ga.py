@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pymoo.algorithms.soo.nonconvex.ga import GA as PymooGA
 from pymoo.core.mutation import Mutation
 from pymoo.operators.crossover.pntx import SinglePointCrossover
 from pymoo.operators.selection.tournament import TournamentSelection
 
+from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.evolution.evolution import Evolution, PymooProblem, evolve, single_objective, solution_of
 from ocp_traj.formulation.case import check, choice, count, share
@@ -24,8 +24,6 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.solution import Solution
-
-Array = NDArray[np.float64]
 
 
 class _Anywhere(Mutation):  # type: ignore[misc]  # pymoo is untyped

@@ -23,11 +23,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pymoo.algorithms.moo.nsga2 import NSGA2 as PymooNSGA2
 from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.pm import PM
 
+from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 from ocp_traj.evolution.elitism import ControlledElitism
@@ -42,8 +42,6 @@ from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
 from ocp_traj.solvers.refinement import refine, well_spaced
 from ocp_traj.stopping import Stopping, stopping
-
-Array = NDArray[np.float64]
 
 SHARE = 0.5  # of the time that is left, for evolution; the rest is for refinement: our choice
 NEAR, FAR = 1e-4, 1e-1  # of a variable's range: steps from the ends' connection, evenly in their logarithm; our choice

@@ -13,8 +13,8 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 from ocp_traj.formulation.rows import VARIABLE, Conflict, Row
@@ -22,8 +22,6 @@ from ocp_traj.solvers.nlpsol import numeric_solver, raise_failures
 from ocp_traj.stopping import current, stopping
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
 from ocp_traj.transcription.program import ElasticProgram
-
-Array = NDArray[np.float64]
 
 LINEAR_SOLVERS = ("mumps", "spral")
 TINY = 1e-3  # an objective below this, and below this share of the variables' size: our choice

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pymoo.algorithms.moo.cmopso import CMOPSO
 from pymoo.algorithms.moo.mopso_cd import MOPSO_CD
 from pymoo.core.sampling import Sampling
 
+from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.evolution.evolution import PymooProblem, evolve, front_of
 from ocp_traj.formulation.case import check, choice, count
@@ -23,8 +23,6 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.pareto_set import ParetoSet
 from ocp_traj.results.records import Found, ignore
-
-Array = NDArray[np.float64]
 
 
 class _Given(Sampling):  # type: ignore[misc]  # pymoo is untyped

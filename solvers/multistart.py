@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation, WeightedSum
@@ -20,7 +20,6 @@ from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.stopping import STOPS, stopping
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
 
-Array = NDArray[np.float64]
 _Pair = tuple[NLPResult, Solution]  # of a first NLP, and what it led to
 
 SOLVES = 2  # of each start when all optima are wanted

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.formulation.problem import Problem
@@ -26,8 +26,6 @@ from ocp_traj.solvers.multistart import Multistart
 from ocp_traj.solvers.protocols import ProblemSolver
 from ocp_traj.stopping import current
 from ocp_traj.transcription.end_states import fixed_values
-
-Array = NDArray[np.float64]
 
 PARAMETER = "payload"
 OBJECTIVE = "payload_mass"

@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.results.pareto_set import ParetoSet
 from ocp_traj.results.solution import Solution
 from ocp_traj.transcription.nlp import NLP, NLPResult
-
-Array = NDArray[np.float64]
 
 
 class NLPSolver(Protocol):

@@ -13,7 +13,6 @@ from math import cos, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pymoo.algorithms.soo.nonconvex.pso import PSO as PymooPSO
 
 from ocp_traj.blas import one_blas_thread
@@ -23,8 +22,6 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.solution import Solution
-
-Array = NDArray[np.float64]
 
 W_MAX, W_MIN = 0.9, 0.4  # sect. 4 of Zhu and Wang
 CONSTRICTION = 2.0 / (4.1 - 2.0 + sqrt(4.1**2 - 4.0 * 4.1))  # Clerc and Kennedy (2002), phi = 4.1: 0.7298

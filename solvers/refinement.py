@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import GoalAttainment
 from ocp_traj.progress import Progress, silent
@@ -24,8 +24,6 @@ from ocp_traj.results.time_scaling import slow_down
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.stopping import STOPS, current, stopping
 from ocp_traj.transcription.symbolic import evaluate_objectives
-
-Array = NDArray[np.float64]
 
 LEAST = 1e-3  # of the front's range: smallest weight, so that the attainment factor acts on every goal; our choice
 
@@ -64,7 +62,7 @@ def weights(f: Array, scales: Array) -> Array:
     return np.where(extent > 0.0, np.maximum(nadir - f, LEAST * extent), scales)
 
 
-def well_spaced(f: Array, count: int) -> NDArray[np.intp]:
+def well_spaced(f: Array, count: int) -> Index:
     """Indices of ``count`` points of ``f (N, objectives)``: the best of each objective, then the farthest away."""
     if len(f) <= count:
         return np.arange(len(f))

@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BPoly, CubicSpline, PchipInterpolator
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.curves.bernstein import PiecewiseBezier, basis
 from ocp_traj.curves.families import cubic_spline_free_ends
 from ocp_traj.formulation.requirements import (
@@ -31,8 +31,6 @@ from ocp_traj.proof.verdicts import PROVED, VIOLATED, AuditRow
 from ocp_traj.results.trajectory import Trajectory
 from ocp_traj.robot.robot import Robot
 from tests.random_robots import random_robot
-
-Array = NDArray[np.float64]
 
 SCAN = 20_000  # points a trajectory
 NOISE = 1e-10  # [of a limit's half range] what the scan's own rounding is allowed: a tenth of the smallest miss
@@ -121,7 +119,7 @@ class Scan:
         self.segment = np.repeat(np.arange(curve.segments), self.count)
 
 
-def states_at(curve: PiecewiseBezier, segment: NDArray[np.intp], u: Array) -> Array:
+def states_at(curve: PiecewiseBezier, segment: Index, u: Array) -> Array:
     states = np.empty((5 * curve.dof, len(u)))
     for k in np.unique(segment):
         there = segment == k
@@ -175,7 +173,7 @@ class Attack:
     def _scaled(expression: Callable[[State], Any], first: int, rows: int) -> Callable[[State], Any]:
         return lambda s: (expression(s) - s.p[first : first + rows]) / s.p[first + rows : first + 2 * rows]
 
-    def values(self, limit: PathConstraint, p: Array, x: Array, u: Array, segment: NDArray[np.intp]) -> Array:
+    def values(self, limit: PathConstraint, p: Array, x: Array, u: Array, segment: Index) -> Array:
         """Rows of a limit at N states ``(rows, N)``, in floats."""
         tape: Tape = self.requirements.compiled(limit, "tape", lambda: Tape(self.requirements.function(limit)))
         constants = np.zeros((0, len(u))) if limit.constants is None else limit.constants[segment].T
@@ -256,7 +254,7 @@ class Aimed(NamedTuple):
     greatest: Array
 
 
-def instants(curve: PiecewiseBezier, instant: float) -> tuple[NDArray[np.intp], Array]:
+def instants(curve: PiecewiseBezier, instant: float) -> tuple[Index, Array]:
     """Segments and local times of an instant, one for each side of a knot."""
     slack = 1e-12 * curve.duration
     k = np.flatnonzero((curve.knots[:-1] - slack <= instant) & (instant <= curve.knots[1:] + slack))

@@ -7,17 +7,15 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import BPoly, CubicSpline
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.formulation.objective import Objective, gauss
 from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.formulation.requirements import SWEEP, PathConstraint, PointConstraint, Requirements, State
 from ocp_traj.formulation.rows import Row
 from ocp_traj.transcription.nlp import NLP
-
-Array = npt.NDArray[np.float64]
 
 GAUSS = gauss(4)  # exact to degree 7
 

@@ -13,15 +13,13 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
 import ocp_traj as ot
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.formulation import standard
 from ocp_traj.formulation.objective import gauss
 from ocp_traj.formulation.tuning import Tuning
-
-Array = NDArray[np.float64]
 
 UNIT = 0.4  # [s]: velocities and accelerations are variables in units of rad a unit of time
 HULL = ("position-limit", "velocity-limit", "acceleration-limit", "jerk-limit")

@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
+from ocp_traj.arrays import Array
 from ocp_traj.robot.dynamics import joint_is_revolute
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.robot import Robot
 
-Array = npt.NDArray[np.float64]
 ALIGNED = {
     "revolute": (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ),
     "prismatic": (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ),

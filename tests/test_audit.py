@@ -10,7 +10,6 @@ from itertools import pairwise
 import casadi
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ocp_traj import problems
 from ocp_traj.curves.bernstein import PiecewiseBezier
@@ -32,8 +31,6 @@ from tests.attack import (
     between,
     derivatives,
 )
-
-Array = NDArray[np.float64]
 
 # --- What is checked, not proved --------------------------------------------------------------------------------------
 

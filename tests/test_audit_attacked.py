@@ -13,9 +13,9 @@ import mpmath
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 
 from benchmarks.audit import JOINTS, six_joint_arm, tag_to_tag, torque
+from ocp_traj.arrays import Array
 from ocp_traj.formulation.requirements import (
     PathConstraint,
     Requirements,
@@ -35,8 +35,6 @@ from tests.attack import (
     instants,
 )
 from tests.random_robots import random_robot
-
-Array = NDArray[np.float64]
 
 
 @pytest.mark.parametrize(("joints", "batch"), [(1, 20), (2, 20), (3, 16), (5, 12), (7, 8)])

@@ -11,9 +11,10 @@ import pinocchio as pin
 import pytest
 from casadi import SX
 
+from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError, OcpTrajError, RobotDefinitionError, UnsupportedJoint
 from ocp_traj.robot.dynamics import Payload, Wrench, forward_kinematics, inverse_dynamics, joint_friction
-from tests.random_robots import Array, random_inertia, random_model, random_placement, random_states
+from tests.random_robots import random_inertia, random_model, random_placement, random_states
 
 TOLERANCE = 1e-9  # [-], of max |tau|: the agreement the design asks for
 

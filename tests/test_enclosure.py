@@ -5,12 +5,11 @@ from math import comb
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.proof.enclosure import Arcs, parabola_bound, peak_fraction
 from ocp_traj.proof.prover import MAX_SPLITS
 
-Array = NDArray[np.float64]
 ORDERS = 6
 SIZES = (1.0, 1e-8, 1e150, 1e-300, 5e-324)  # [rad] of the control points; the last are subnormal numbers
 

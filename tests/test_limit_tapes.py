@@ -7,7 +7,6 @@ from typing import Any
 import casadi
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ocp_traj.interval.tape import Tape
 from ocp_traj.proof.limit_tapes import curvature_function, domain_function
@@ -17,8 +16,6 @@ from tests.attack import (
     states_at,
 )
 from tests.random_robots import random_robot
-
-Array = NDArray[np.float64]
 
 
 def test_curvature_is_the_second_derivative_along_a_curve() -> None:

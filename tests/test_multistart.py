@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from numpy.typing import NDArray
 
 from ocp_traj.api import solve
+from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint
 from ocp_traj.formulation.scalarise import EpsilonConstraint, Scalarisation, WeightedSum
@@ -20,8 +20,6 @@ from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.transcription.nlp import Status
 from tests.closed_form import Quintic, quintic_problem
-
-Array = NDArray[np.float64]
 
 TIME = WeightedSum({"time": 1.0})
 

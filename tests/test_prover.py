@@ -10,7 +10,6 @@ from typing import Any
 import casadi
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.errors import InputError, KinkedExpression, ProblemDefinitionError, UnsupportedOperation
@@ -25,8 +24,6 @@ from ocp_traj.results.trajectory import Trajectory
 from tests.attack import (
     exact_derivative,
 )
-
-Array = NDArray[np.float64]
 
 
 def audit_of(

@@ -10,12 +10,13 @@ import pinocchio as pin
 import pytest
 from casadi import SX
 
+from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError, RobotDefinitionError, UnsupportedJoint
 from ocp_traj.robot.chain import AxisJoint, DHRow, LinkInertia
 from ocp_traj.robot.dynamics import Friction, inverse_dynamics, joint_friction
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.robot import ActuatorMap, Robot
-from tests.random_robots import Array, random_inertia, random_placement, random_robot, random_states
+from tests.random_robots import random_inertia, random_placement, random_robot, random_states
 
 G = 9.80665  # [m/s^2], Guo et al. (2016), below Eq. (42)
 L1, L2, L3, L4, L5, L01 = 0.420, 0.050, 0.450, 0.180, 0.180, 0.400  # [m], Table 1

@@ -17,12 +17,12 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import BPoly, PPoly
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.errors import InputError, ProblemDefinitionError
 
-Array = NDArray[np.float64]
 Points = Any  # a (n + 1, dof) matrix of control points: numpy.ndarray or casadi.SX
 
 
@@ -262,7 +262,7 @@ class PiecewiseBezier:
         points = self.hodograph(segment, order)
         return product(basis(points.shape[0] - 1, u), points)
 
-    def locate(self, t: ArrayLike) -> tuple[NDArray[np.intp], Array]:
+    def locate(self, t: ArrayLike) -> tuple[Index, Array]:
         """Segment and local time u of each time ``t (N,)`` [s]; a knot belongs to the segment it starts."""
         times = np.atleast_1d(np.asarray(t, dtype=float))
         slack = (

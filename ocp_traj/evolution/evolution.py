@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pymoo.core.problem
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.evolution.population import Population
 from ocp_traj.formulation.problem import Problem
@@ -29,8 +29,6 @@ from ocp_traj.results.trajectory import trajectory_of
 from ocp_traj.stopping import STOPS, stopping
 from ocp_traj.transcription.nlp import Status
 from ocp_traj.transcription.symbolic import degrees, evaluate_objectives
-
-Array = NDArray[np.float64]
 
 # Between two records of a population: seconds, or this share of the time so far where that is longer; our choice.
 EVERY, SHARE = 1.0, 0.05

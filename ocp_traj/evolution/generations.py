@@ -13,10 +13,9 @@ from typing import Any
 import moocore
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from pymoo.operators.survival.rank_and_crowding.metrics import get_crowding_function
 
-Array = NDArray[np.float64]
+from ocp_traj.arrays import Array
 
 COLUMNS = ("evaluations", "front", "spread", "average distance", "hypervolume")
 

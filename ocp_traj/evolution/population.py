@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.curves.bernstein import basis, difference_matrix
 from ocp_traj.errors import InputError
 from ocp_traj.formulation.problem import Problem
@@ -27,8 +28,6 @@ from ocp_traj.transcription.symbolic import (
     row_variations,
     variables_function,
 )
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +78,7 @@ class _Nodes:
             out[:, :, places] = values.transpose(1, 3, 0, 2, 4)
         return out
 
-    def together(self, states: Array, parameters: Array) -> tuple[Array, NDArray[np.intp], Array, Array]:
+    def together(self, states: Array, parameters: Array) -> tuple[Array, Index, Array, Array]:
         """Nodes and individuals as M N instants: stacked states, segments, local times and parameters."""
         m, n = states.shape[2:]
         flat = states.reshape(-1, m * n)

@@ -10,6 +10,7 @@ import casadi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.display import Shown, count
 from ocp_traj.errors import ProblemDefinitionError, UnknownName, quoted
@@ -20,8 +21,6 @@ from ocp_traj.formulation.tuning import Tuning
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.curves.motion import Motion
 from ocp_traj.errors import ProblemDefinitionError
 
-Array = NDArray[np.float64]
 Points = tuple[tuple[int, float], ...]  # (segment, local time u) pairs; a negative segment counts from the end
 
 SWEEP = np.linspace(0.0, 1.0, 17)  # where swept limits are looked at by what looks at samples: our choice
@@ -346,7 +346,7 @@ class Requirements:
         return self._functions[key]
 
     def arguments(
-        self, limit: PathConstraint | PointConstraint, states: Array, segment: NDArray[np.intp], u: Array, p: Array,
+        self, limit: PathConstraint | PointConstraint, states: Array, segment: Index, u: Array, p: Array,
         s: Array | None = None,
     ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
         """What ``function(limit)`` takes at N instants, a column an instant.

@@ -9,7 +9,7 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem, Variable
@@ -18,8 +18,6 @@ from ocp_traj.paths.pieces import Pieces, at_piece
 from ocp_traj.robot.collision import Obstacle
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.robot import Robot
-
-Array = NDArray[np.float64]
 
 QUANTITIES = ("position", "velocity", "acceleration", "jerk", "snap")  # of ORDERS
 PER_TIME = ("", "/s", "/s2", "/s3", "/s4")  # of ORDERS

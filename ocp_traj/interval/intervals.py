@@ -15,10 +15,10 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-Array = NDArray[np.float64]
+from ocp_traj.arrays import Array
+
 Operation = Callable[..., Any]
 
 _MAX = np.finfo(np.float64).max

@@ -11,11 +11,10 @@ from collections.abc import Callable, Hashable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.interval.intervals import upper_bounds
 
-Array = NDArray[np.float64]
 Run = Callable[..., None]  # of the result ``(2, rows, N)`` to write and copies of the operands, of the same shape
 
 _ENTRIES = 2**21  # of the registers at most: our choice, as many as the caches hold
@@ -84,7 +83,7 @@ class Program:
         order = [~j for j in range(len(leaves))] + [i for group in groups for i in group]
         self._rows, row = len(order), {value: k for k, value in enumerate(order)}
 
-        def ends_of(reads: Sequence[Read]) -> NDArray[np.intp]:
+        def ends_of(reads: Sequence[Read]) -> Index:
             """Where both ends are among those of all registers ``(2, reads)``."""
             return np.array([[row[v] + self._rows * (end ^ negated) for v, negated in reads] for end in (0, 1)])
 
@@ -96,7 +95,7 @@ class Program:
             if not isinstance(leaf, float):
                 self._inputs[leaf[0]][0].append(j)
                 self._inputs[leaf[0]][1].append(leaf[1])
-        self._passes: list[tuple[Run, slice, list[NDArray[np.intp]]]] = []
+        self._passes: list[tuple[Run, slice, list[Index]]] = []
         end = len(leaves)
         for group in groups:
             begin, end = end, end + len(group)

@@ -15,6 +15,7 @@ import casadi
 import numpy as np
 from scipy import special
 
+from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError, KinkedExpression, UnsupportedOperation
 from ocp_traj.interval.intervals import (
     INTERVAL,

@@ -12,8 +12,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError, quoted
 from ocp_traj.files import write_with
 from ocp_traj.formulation.requirements import PathConstraint, Requirements
@@ -21,8 +21,6 @@ from ocp_traj.proof.values import limit_along
 from ocp_traj.proof.verdicts import PROVED, UNDECIDED, VIOLATED
 from ocp_traj.results.front import Front
 from ocp_traj.results.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 SUFFIXES = (".png", ".pdf", ".svg")
 LINE, LIMIT, KNOT = "#1f4e79", "#c0392b", "0.85"

@@ -13,9 +13,9 @@ from sys import float_info
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ocp_traj import problems
+from ocp_traj.arrays import Array
 from ocp_traj.errors import FileFormatError, InputError, cut, quoted
 from ocp_traj.files import read_text
 from ocp_traj.formulation import standard
@@ -30,7 +30,6 @@ from ocp_traj.robot.dynamics import ROUND_OFF
 from ocp_traj.robot.joint_limits import QUANTITIES, UNLIMITED, JointLimits
 from ocp_traj.robot.robot import EFFORT_UNITS, Robot
 
-Array = NDArray[np.float64]
 Names = tuple[str, ...]
 
 FORMAT = "ocp-traj/limits/1"

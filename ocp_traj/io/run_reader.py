@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ocp_traj import problems
+from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import FileFormatError, InputError
 from ocp_traj.files import plain, read_json
@@ -31,8 +31,6 @@ from ocp_traj.results.provenance import AGREE
 from ocp_traj.results.records import FRONT, POPULATION, SOLVE, Record, usable
 from ocp_traj.results.trajectory import Trajectory, case_fields
 from ocp_traj.transcription.symbolic import evaluate_objectives
-
-Array = NDArray[np.float64]
 
 WITHOUT_JOURNAL = "ocp-traj/run/1"
 

@@ -20,14 +20,13 @@ from typing import Any
 import casadi
 import numpy as np
 from numpy.polynomial import chebyshev, polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.errors import InputError
 from ocp_traj.interval.tape import Tape
 from ocp_traj.paths.seam import Formula, Seam
 from ocp_traj.rounding import rounded_up
-
-Array = NDArray[np.float64]
 
 DEGREE = 12  # of the polynomials of a piece: our choice; with 9 tags a tubular seam is met to 1e-10 of its length
 STRETCHES = 64  # a piece to begin with: our choice
@@ -142,14 +141,14 @@ class _Errors:
             at_a, at_b = np.concatenate([at_a, at_middle]), np.concatenate([at_middle, at_b])
         return np.asarray(proved + ROUNDING * np.abs(self.coefficients).sum(axis=2).max(axis=(0, 2)))
 
-    def found(self, piece: NDArray[np.intp], s: Array) -> Array:
+    def found(self, piece: Index, s: Array) -> Array:
         """Both errors ``(N, 2)`` at lengths of arc in given pieces."""
         exact, w = self.seam.at(s), self._local(piece, s)
         powers = w[:, None] ** np.arange(self.coefficients.shape[2])
         values = np.einsum("nd,ncdj->cnj", powers, self.coefficients[piece])
         return np.asarray(np.linalg.norm(np.stack([exact.position, exact.axis]) - values, axis=2).T)
 
-    def second(self, piece: NDArray[np.intp], a: Array, b: Array) -> Array:
+    def second(self, piece: Index, a: Array, b: Array) -> Array:
         """Largest second derivatives of both errors ``(N, 2)`` [1/m] on stretches of the arc."""
         t = np.sort(np.stack([self.seam.parameter(a), self.seam.parameter(b)]), axis=0)
         t = t + np.array([[-1.0], [1.0]]) * ROUNDING * (1.0 + np.abs(t))
@@ -165,7 +164,7 @@ class _Errors:
         )[0][1]
         return np.sqrt(np.maximum(squares, 0.0)).T
 
-    def _local(self, piece: NDArray[np.intp], s: Array) -> Array:
+    def _local(self, piece: Index, s: Array) -> Array:
         low, high = self.cuts[piece], self.cuts[piece + 1]
         return np.clip(2.0 * (s - low) / (high - low) - 1.0, -1.0, 1.0)
 

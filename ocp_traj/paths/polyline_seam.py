@@ -10,15 +10,14 @@ from typing import Any, Self
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import fixed_quad
 from scipy.interpolate import make_interp_spline
 
+from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError, cut
 from ocp_traj.files import read_text
 from ocp_traj.paths.seam import NODES, Formula, Placement, SeamPoints, unit
-
-Array = NDArray[np.float64]
 
 SPLINE = 5  # degree
 PARTS = 8  # between two points, whose lengths are integrated by Gauss and Legendre's rule: our choice

@@ -12,12 +12,11 @@ from typing import Any, NamedTuple, Protocol
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import fixed_quad
 
+from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError
-
-Array = NDArray[np.float64]
 
 PARTS = 256  # of a seam, whose lengths are integrated by Gauss and Legendre's rule: our choice
 NODES = 8  # of that rule

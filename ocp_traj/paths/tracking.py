@@ -13,15 +13,13 @@ from itertools import pairwise
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier, basis, difference_matrix
 from ocp_traj.curves.families import nonic
 from ocp_traj.paths.pieces import Pieces
 from ocp_traj.paths.seam import Seam
 from ocp_traj.robot.robot import Robot
-
-Array = NDArray[np.float64]
 
 SAMPLES = 7  # of the path a piece; our choice, as all that follow
 # Units of the residuals, each of weight one. The last two regularise the torch's spin: large, so that they hardly move

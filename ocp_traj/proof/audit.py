@@ -12,8 +12,8 @@ from math import isfinite, perm
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.motion import Motion
@@ -23,8 +23,6 @@ from ocp_traj.proof.prover import Prover
 from ocp_traj.proof.swept import SweptProver
 from ocp_traj.proof.values import values_at
 from ocp_traj.proof.verdicts import ALLOWANCE, CHECKED, VIOLATED, Audit, AuditRow
-
-Array = NDArray[np.float64]
 
 TIGHTNESS = 1e-3  # of a limit's scale: how closely a peak is enclosed once its verdict is known
 MAX_ARCS = 50_000  # a limit and trajectory

@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.curves.motion import Motion
 from ocp_traj.formulation.requirements import PathConstraint
 from ocp_traj.proof.verdicts import PROVED, SEVERITY, UNDECIDED, VIOLATED, AuditRow
-
-Array = NDArray[np.float64]
 
 UNDERFLOW = 1e-300  # of any unit: far above what is left of rounding a zero outward, far below any quantity
 
@@ -69,7 +68,7 @@ class Decision:
         """What no value may exceed ``(2, rows, 1)``."""
         return np.asarray((self.bound + self.allowance)[..., None])
 
-    def attain(self, owner: NDArray[np.intp], values: Array, *place: NDArray[Any]) -> None:
+    def attain(self, owner: Index, values: Array, *place: NDArray[Any]) -> None:
         """Takes note of the largest of values ``(2, rows, N)`` of motions ``owner (N,)``, ascending, and where."""
         owners, first, inverse = np.unique(owner, return_index=True, return_inverse=True)
         largest = np.maximum.reduceat(values, first, axis=-1)
@@ -83,7 +82,7 @@ class Decision:
             known[at] = source[index[better]]
 
     def open(
-        self, owner: NDArray[np.intp], bound: Array, near: Array | float = -np.inf, hopeless: Array | float = -np.inf
+        self, owner: Index, bound: Array, near: Array | float = -np.inf, hopeless: Array | float = -np.inf
     ) -> NDArray[np.bool_]:
         """Which sides, rows and arcs need refining, and can gain by it: not decided, or not tight.
 
@@ -99,7 +98,7 @@ class Decision:
         undecided = ~(bound <= np.maximum(allowed, hopeless)) & ~(attained > allowed)
         return np.asarray((undecided | ~(bound <= tight)) & np.isfinite(self.bound)[:, :, None])
 
-    def close(self, owner: NDArray[np.intp], bound: Array) -> None:
+    def close(self, owner: Index, bound: Array) -> None:
         """Takes note of bounds ``(2, rows, N)`` over arcs of motions ``owner (N,)``, ascending, that are closed."""
         if len(owner):
             owners, first = np.unique(owner, return_index=True)

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ocp_traj.arrays import Array, Index
+
 Pair = tuple[Array, Array]  # lower, upper
 
 # A cut at a + r (b - a) rounds three times, by at most 2^-54 each since all stays below 1, and passes on older errors.
@@ -43,8 +44,8 @@ class Arcs:
         splits: how often they were cut.
     """
 
-    owner: NDArray[np.intp]
-    segment: NDArray[np.intp]
+    owner: Index
+    segment: Index
     a: Array
     b: Array
     duration: Array
@@ -53,9 +54,7 @@ class Arcs:
     splits: int = 0
 
     @classmethod
-    def of_segments(
-        cls, owner: NDArray[np.intp], segment: NDArray[np.intp], points: Array, duration: Array, orders: int
-    ) -> Arcs:
+    def of_segments(cls, owner: Index, segment: Index, points: Array, duration: Array, orders: int) -> Arcs:
         """Whole segments from control points ``(N, n + 1, dof)``, with derivatives up to ``orders``."""
         bounds = np.stack([-points, points]).transpose(2, 0, 3, 1)  # (n + 1, 2, dof, N)
         hodographs = [bounds]
@@ -100,7 +99,7 @@ class Arcs:
         """Number of arcs."""
         return len(self.owner)
 
-    def take(self, which: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Arcs:
+    def take(self, which: Index | NDArray[np.bool_] | slice) -> Arcs:
         """The arcs at these indices."""
         return Arcs(
             self.owner[which], self.segment[which], self.a[which], self.b[which], self.duration[which],

@@ -10,15 +10,13 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.motion import Motion
 from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.requirements import ORDERS, PathConstraint, Requirements
 from ocp_traj.interval.tape import Tape
 from ocp_traj.proof.enclosure import Arcs, Pair
-
-Array = NDArray[np.float64]
 
 
 def curvature_function(requirements: Requirements, limit: PathConstraint) -> Any:

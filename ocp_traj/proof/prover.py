@@ -16,6 +16,7 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.motion import Motion
 from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.requirements import PathConstraint, Requirements
@@ -23,8 +24,6 @@ from ocp_traj.proof.decision import Decision
 from ocp_traj.proof.enclosure import Arcs, Pair, parabola_bound, peak_fraction
 from ocp_traj.proof.limit_tapes import LimitTapes, both_sides
 from ocp_traj.proof.verdicts import AuditRow
-
-Array = NDArray[np.float64]
 
 RESOLUTION = 1e-12  # of a bound's size or the value: bounds this close to the largest value's own are not refined
 MAX_SPLITS = 48  # of a segment, one after the other: our choice; an arc halved so often is shorter than rounding tells

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.curves.motion import Motion
 from ocp_traj.formulation.requirements import PathConstraint, Requirements
 from ocp_traj.proof.decision import Decision
@@ -22,8 +23,6 @@ from ocp_traj.proof.enclosure import Arcs, parabola_bound, peak_fraction
 from ocp_traj.proof.limit_tapes import LimitTapes
 from ocp_traj.proof.prover import RESOLUTION
 from ocp_traj.proof.verdicts import AuditRow
-
-Array = NDArray[np.float64]
 
 FIRST = (8, 4)  # arcs a segment, and parts of the sweep, of the first pass: our choice
 MAX_CUTS = 40  # of the sweep, one after the other: exact in binary as long as cuts are halves
@@ -37,7 +36,7 @@ class _Rectangles:
     arcs: Arcs
     low: Array
     high: Array
-    cuts: NDArray[np.intp]
+    cuts: Index
 
     def take(self, which: Any) -> _Rectangles:
         return _Rectangles(self.arcs.take(which), self.low[which], self.high[which], self.cuts[which])

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.curves.motion import Motion
 from ocp_traj.formulation.requirements import ORDERS, SWEEP, PathConstraint, PointConstraint, Requirements
 from ocp_traj.interval.tape import Tape
 
-Array = NDArray[np.float64]
-
 
 def values_at(
-    requirements: Requirements, limit: PathConstraint | PointConstraint, states: Array, segment: NDArray[np.intp],
+    requirements: Requirements, limit: PathConstraint | PointConstraint, states: Array, segment: Index,
     u: Array, p: Array, s: Array | None = None,
 ) -> Array:  # fmt: skip
     """Values of a limit at N instants ``(rows, N)``, in the limit's units; see ``Requirements.arguments``."""

@@ -15,11 +15,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
-
-Array = NDArray[np.float64]
 
 FORMAT = "ocp-traj/reproduction/2"
 AGREES, ERRATUM, DIFFERS = "agrees", "erratum", "differs"

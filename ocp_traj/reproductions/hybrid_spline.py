@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ocp_traj import problems
+from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.problems import hybrid_spline as paper
@@ -34,8 +35,6 @@ from ocp_traj.solvers.nsga2 import NSGA2
 from ocp_traj.solvers.payload import along, static_bound
 from ocp_traj.transcription.end_states import fixed_values
 from ocp_traj.transcription.symbolic import evaluate_objectives, objective_function
-
-Array = NDArray[np.float64]
 
 STARTS = 3  # random starts of IPOPT: our choice
 STEP = 0.05  # [kg] with which a search for the payload would end at the paper's: our guess

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.problems import hybrid_robot
 from ocp_traj.problems import hybrid_spline as paper
@@ -16,8 +16,6 @@ from ocp_traj.reproductions.comparison import Erratum
 from ocp_traj.results.trajectory import Trajectory, trajectory_of
 from ocp_traj.solvers.payload import static_bound
 from ocp_traj.transcription.symbolic import evaluate_objectives
-
-Array = NDArray[np.float64]
 
 _CUT = "inverse kinematics: cut off, not rounded"
 _DIGIT = "inverse kinematics, and the z of Table 8 needs it, too"

@@ -13,8 +13,9 @@ from math import pi
 import casadi
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.families import cubic_spline_free_ends
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.problems import hybrid_robot
@@ -67,7 +68,6 @@ TABLE_8_PRINTED = """
 13  6.189  507.92  662.77  132.92  -1.350  0.197   999.993   150.042   949.980
 """
 
-Array = NDArray[np.float64]
 
 PHYSICAL, LITERAL = paper.CONVENTIONS
 NSGA_II, FMINCON = paper.TABLE_9  # its two lines

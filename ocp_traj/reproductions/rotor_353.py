@@ -7,10 +7,11 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
 from ocp_traj import api, problems
+from ocp_traj.arrays import Array
 from ocp_traj.curves.families import polynomial_353
 from ocp_traj.problems import m10id
 from ocp_traj.problems import rotor_353 as paper
@@ -27,8 +28,6 @@ from ocp_traj.reproductions.rotor_353_limits import closest_phases
 from ocp_traj.reproductions.rotor_353_swarms import swarms
 from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.pso import SCHEDULES
-
-Array = NDArray[np.float64]
 
 STARTS = 3  # random starts of IPOPT: our choice
 TOTAL = f"{paper.TOTAL:.3f}"  # as printed

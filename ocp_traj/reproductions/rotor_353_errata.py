@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array
 from ocp_traj.problems import m10id
 from ocp_traj.problems import rotor_353 as paper
 from ocp_traj.reproductions.comparison import Erratum
-
-Array = NDArray[np.float64]
 
 # (table, item): what it should read, and why. A comparison confirms each.
 MISPRINTS = {

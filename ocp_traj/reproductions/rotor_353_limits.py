@@ -8,12 +8,10 @@ a_max times 1/c^2 scale all times by c: the pairs are one family, a_max / v_max^
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import basis, difference_matrix
 from ocp_traj.problems import rotor_353 as paper
-
-Array = NDArray[np.float64]
 
 RATIOS = np.geomspace(0.02, 20.0, 160)  # t1 / t2 and t3 / t2: our choice, 4.4 % apart
 SAMPLES = 65  # of the quintic: our choice

@@ -10,12 +10,12 @@ from typing import Any
 import casadi
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from pymoo.algorithms.moo.nsga2 import NSGA2 as PymooNSGA2
 from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.pm import PM
 
 from ocp_traj import api, problems
+from ocp_traj.arrays import Array
 from ocp_traj.errors import NoSolutionFound
 from ocp_traj.evolution.elitism import ControlledElitism
 from ocp_traj.evolution.evolution import PymooProblem, evolve, front_of
@@ -34,8 +34,6 @@ from ocp_traj.results.trajectory import Trajectory, trajectory_of
 from ocp_traj.solvers.front_tracer import FrontTracer
 from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.solvers.nsga2 import NSGA2
-
-Array = NDArray[np.float64]
 
 TRADED = ("air_time", "dynamic_effort")
 POINTS = 15  # of the traced front, and refined at most: our choice

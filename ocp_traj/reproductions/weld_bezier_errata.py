@@ -5,13 +5,12 @@ from __future__ import annotations
 from math import comb
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.families import nonic
 from ocp_traj.reproductions.comparison import Erratum
 from ocp_traj.reproductions.weld_bezier_tables import GENERATIONS, POPULATION, TABLE_7
-
-Array = NDArray[np.float64]
 
 # (8), coefficients of t^9 .. t^0 beside each control point, as printed: (label, coefficients), in the printed order.
 PRINTED_8: tuple[tuple[int, tuple[float, ...]], ...] = (

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.families import nonic
 from ocp_traj.problems import kr90
 from ocp_traj.problems.weld_bezier import PRINTED_EFFORT
 from ocp_traj.reproductions.comparison import Sheet, half_unit
-
-Array = NDArray[np.float64]
 
 # Table 2, a line a joint: P0 .. P4 [deg]; P5 .. P9 are the same numbers.
 TABLE_2 = """

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ocp_traj import api, problems
 from ocp_traj.errors import NoSolutionFound
@@ -24,8 +23,6 @@ from ocp_traj.results.trajectory import trajectory_of
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.ga import GA
 from ocp_traj.transcription.symbolic import evaluate_objectives
-
-Array = NDArray[np.float64]
 
 TIME, FITNESS = f"{paper.TIME:.1f}", f"{paper.FITNESS:.1f}"  # as printed
 KNOWN = {"blocked": 4.4698, "open": 2.7664}  # fitness of the cases solved instead, found before by other code

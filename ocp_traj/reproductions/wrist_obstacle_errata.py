@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.reproductions.comparison import Erratum
-
-Array = NDArray[np.float64]
 
 
 def quartic(curve: PiecewiseBezier, *, printed: bool) -> Array:

@@ -10,8 +10,9 @@ from typing import Any
 import moocore
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array
 from ocp_traj.display import Shown, count
 from ocp_traj.errors import InputError
 from ocp_traj.formulation.objective import Objective
@@ -21,7 +22,6 @@ from ocp_traj.results import indicators
 from ocp_traj.results.trajectory import Trajectory, audit_points
 from ocp_traj.transcription.symbolic import evaluate_objectives
 
-Array = NDArray[np.float64]
 Point = Mapping[str, float] | Sequence[float]
 
 SAME = 1e-9  # relative: points closer than this in every traded objective are one point; our choice

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation, value_of
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.trajectory import audit_points
 from ocp_traj.transcription.nlp import Status
 from ocp_traj.transcription.symbolic import evaluate_objectives
-
-Array = NDArray[np.float64]
 
 BETTER = 1e-6  # relative: an incumbent is better that gains more than this; our choice, 100 x what exchange leaves open
 

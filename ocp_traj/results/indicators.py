@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ocp_traj.arrays import Array
 
 FLAT = 1e-9  # of the objectives' ranges: a front that bulges less has no knee; our choice
 SINGULAR = 1e9  # condition beyond which the extreme points do not span a plane; our choice

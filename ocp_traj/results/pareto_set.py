@@ -6,14 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.results.front import Front
 from ocp_traj.results.time_scaling import slow_down
-
-Array = NDArray[np.float64]
 
 ENDED_AFTER = "ended after"  # key of ``info``: what was done, of how much, when Ctrl-C or a budget ended the method
 

@@ -13,16 +13,14 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.motion import Motion
 from ocp_traj.errors import InputError
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.proof.audit import audit_all, checked_row, require_joints
 from ocp_traj.proof.verdicts import VIOLATED, Audit, AuditRow
 from ocp_traj.transcription.symbolic import curve_function, motion_of
-
-Array = NDArray[np.float64]
 
 AGREE = 1e-9  # by which numbers of size 1 or relatively may differ: far above what another processor rounds differently
 ON_BOUND = 1e-9  # of a bound on a variable, by which rounding may take the variable past it: our choice

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import difference_matrix, turning_values
 from ocp_traj.errors import InputError
 from ocp_traj.formulation.problem import Problem
@@ -20,8 +20,6 @@ from ocp_traj.interval.tape import Tape
 from ocp_traj.proof.verdicts import Audit
 from ocp_traj.results.trajectory import audit_points
 from ocp_traj.transcription.symbolic import curve_function
-
-Array = NDArray[np.float64]
 
 # Of the excess e, as the factor's distance from 1: a limit on the m-th derivative needs (1 + e)^(1/m) - 1 < e / m.
 MULTIPLES = (0.2500003, 0.3333337, 0.5000005, 1.000001, 1.001, 1.1, 2.0, 10.0, 100.0)

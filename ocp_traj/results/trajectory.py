@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.motion import COLUMNS, Motion
 from ocp_traj.display import Shown, count
@@ -25,8 +26,6 @@ from ocp_traj.proof.audit import audit_all
 from ocp_traj.proof.verdicts import Audit
 from ocp_traj.results.provenance import audit_motions, bound_rows
 from ocp_traj.transcription.symbolic import motion_of
-
-Array = NDArray[np.float64]
 
 REMEMBERED = 256  # audits a problem keeps: our choice, more than the points of a front
 

@@ -17,13 +17,12 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from casadi import SX
 
+from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError, RobotDefinitionError, UnsupportedJoint
 
-Array = npt.NDArray[np.float64]
 Vector = list[Any]  # three scalars, SX or float
 Matrix = list[Vector]  # three rows
 

@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ocp_traj.arrays import Array
 from ocp_traj.errors import RobotDefinitionError
 
-Array = npt.NDArray[np.float64]
 QUANTITIES = ("position", "velocity", "acceleration", "jerk", "snap", "effort")  # the first five by order of derivative
 UNLIMITED = 1e300  # [any], pinocchio writes the largest float where a joint has no limit
 

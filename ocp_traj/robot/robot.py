@@ -16,6 +16,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from casadi import SX
 
+from ocp_traj.arrays import Array
 from ocp_traj.errors import RobotDefinitionError, UnsupportedJoint
 from ocp_traj.robot.chain import AxisJoint, Chain, DHRow, LinkInertia, screw
 from ocp_traj.robot.dynamics import (
@@ -32,7 +33,6 @@ from ocp_traj.robot.dynamics import (
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.urdf import urdf_root, urdf_text
 
-Array = npt.NDArray[np.float64]
 EFFORT_UNITS = {"m": "N", "rad": "N m"}
 REACHED = 1e-6  # [m], and of a rotation's entries: how far a pose may be missed; our choice
 

@@ -18,10 +18,9 @@ from math import pi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError
 from ocp_traj.robot.chain import DHRow
-
-Array = NDArray[np.float64]
 
 SIGNS = np.array([(s, e, w) for s in (1, -1) for e in (1, -1) for w in (1, -1)])  # (8, 3): shoulder, elbow, wrist
 SINGULARITIES = ("shoulder", "elbow", "wrist")

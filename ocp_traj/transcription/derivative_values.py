@@ -13,15 +13,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import derivative_basis, difference_matrix
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.transcription.hessian_sum import HessianSum
 from ocp_traj.transcription.instant_values import BySegment, lines, moved_places
 from ocp_traj.transcription.instants import Instant
 from ocp_traj.transcription.shape import ShapeAt, shape_of
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class DerivativeValues(BySegment):

@@ -11,13 +11,10 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS, SWEEP, PathConstraint
 from ocp_traj.formulation.rows import Conflict, Row
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

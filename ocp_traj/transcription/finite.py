@@ -10,8 +10,8 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS
 from ocp_traj.transcription.instants import Instant
@@ -23,8 +23,6 @@ from ocp_traj.transcription.symbolic import (
     quadrature,
     variables_function,
 )
-
-Array = NDArray[np.float64]
 
 
 def not_finite(problem: Problem, names: Sequence[str], instants: Sequence[Instant], x: Array) -> str:

@@ -12,8 +12,8 @@ from functools import cached_property, partial
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.transcription.derivative_values import DerivativeValues
 from ocp_traj.transcription.hessian_sum import HessianSum, distinct, gathered
@@ -22,9 +22,6 @@ from ocp_traj.transcription.objective_parts import Integral, OfVariables
 from ocp_traj.transcription.program import Symbols
 from ocp_traj.transcription.scalar_objective import ScalarObjective
 from ocp_traj.transcription.shape import shape_of
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)

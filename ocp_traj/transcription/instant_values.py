@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.curves.bernstein import derivative_basis
 from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.problem import Problem
@@ -27,9 +28,6 @@ from ocp_traj.transcription.hessian_sum import HessianSum
 from ocp_traj.transcription.instants import Instant
 from ocp_traj.transcription.kernel import Kernel, limit_kernel
 from ocp_traj.transcription.shape import Shape, ShapeAt, shape_of
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class Peak(NamedTuple):

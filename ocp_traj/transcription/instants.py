@@ -6,14 +6,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint
 from ocp_traj.transcription.symbolic import degrees
-
-Array = NDArray[np.float64]
 
 FEW_SWEEPS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a swept limit in the first grid: our choice
 
@@ -47,7 +45,7 @@ class Instant:
     sweep: float = 0.0
     sweep_slope: Array | None = None
     control: int | None = None
-    columns: NDArray[np.intp] | None = None
+    columns: Index | None = None
 
     @property
     def moves(self) -> bool:

@@ -12,12 +12,11 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS, PathConstraint, PointConstraint
 from ocp_traj.transcription.mapped import Mapped
 from ocp_traj.transcription.symbolic import integrand_function
-
-Array = NDArray[np.float64]
 
 
 class Kernel:

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ocp_traj.arrays import Array
 
 KEPT = 32  # sizes for which a mapped function is kept: our choice, more than an exchange's rounds have of a limit
 

@@ -8,13 +8,11 @@ from enum import Enum
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.errors import NoSolutionFound, ProblemDefinitionError
 from ocp_traj.formulation.rows import VARIABLE, Conflict, Row
 from ocp_traj.transcription.program import Program, SymbolicProgram
-
-Array = NDArray[np.float64]
 
 MOST = 6  # limits that are missed, and bounds that are in the way, in a message: our choice
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.transcription.hessian_sum import HessianSum, gathered
@@ -14,9 +14,6 @@ from ocp_traj.transcription.instants import Instant
 from ocp_traj.transcription.mapped import Mapped
 from ocp_traj.transcription.shape import ShapeAt
 from ocp_traj.transcription.symbolic import quadrature
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class Integral:

@@ -7,9 +7,9 @@ from typing import Any, Protocol
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ocp_traj.arrays import Array
+
 Symbols = tuple[Any, Any, Any]  # casadi MX: x ``(n,)``, f, g ``(m,)``
 
 

@@ -6,15 +6,12 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.transcription.mapped import Mapped
 from ocp_traj.transcription.symbolic import plain_objectives
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class ScalarObjective:

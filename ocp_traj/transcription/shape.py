@@ -10,14 +10,11 @@ from functools import cached_property
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.transcription.mapped import Mapped
 from ocp_traj.transcription.symbolic import curve_function, degrees
-
-Array = NDArray[np.float64]
-Places = NDArray[np.intp]
 
 
 class Shape:
@@ -57,7 +54,7 @@ class Shape:
         owner, some = np.divmod(used, max(self.size, 1))
         place = np.arange(len(used)) - np.searchsorted(owner, owner)
         width = int(place.max(initial=-1)) + 1
-        self.columns: Places = np.full((segments, width), self.size, dtype=np.intp)
+        self.columns: Index = np.full((segments, width), self.size, dtype=np.intp)
         self.columns[owner, place] = some
         where = place[which]
         self._slope_places = (segment * self._rows + within) * width + where

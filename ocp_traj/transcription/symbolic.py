@@ -12,16 +12,15 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier, total_variation
 from ocp_traj.curves.motion import Motion
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS, derivative_order, state_function
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

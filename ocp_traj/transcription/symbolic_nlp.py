@@ -7,16 +7,14 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import difference_matrix
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint
 from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.transcription.instants import Instant, step_nodes
 from ocp_traj.transcription.symbolic import SymbolicCurve, degrees, objective_values, states_at, variations
-
-Array = NDArray[np.float64]
 
 
 def symbolic_nlp(problem: Problem, scalarisation: Scalarisation, instants: Sequence[Instant]) -> tuple[Any, Any, Any]:

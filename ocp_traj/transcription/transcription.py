@@ -8,8 +8,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint, PointConstraint
@@ -24,8 +24,6 @@ from ocp_traj.transcription.scalar_objective import ScalarObjective
 from ocp_traj.transcription.shape import shape_of
 from ocp_traj.transcription.symbolic import degrees, evaluate_objectives, variations
 from ocp_traj.transcription.symbolic_nlp import symbolic_nlp
-
-Array = NDArray[np.float64]
 
 BACK_OFF = 1e-9  # tightening of every path limit, in its own scale: our choice; it costs about 2e-9 of an objective
 
@@ -110,7 +108,7 @@ class _Steps:
 
     objective: Objective
     values: InstantValues
-    ends: tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]  # node before, node after, entry
+    ends: tuple[Index, Index, Index]  # node before, node after, entry
     labels: tuple[str, ...]
 
     def sizes(self, problem: Problem, x: Array) -> Array:

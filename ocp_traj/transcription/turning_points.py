@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import turning_times
 from ocp_traj.curves.motion import Motion
 from ocp_traj.formulation.objective import Objective
@@ -22,8 +23,6 @@ from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.transcription.instants import Instant, step_nodes, where
 from ocp_traj.transcription.symbolic import row_variations, variation_matrix, variations
 from ocp_traj.transcription.worst_instants import follow
-
-Array = NDArray[np.float64]
 
 AGREE = 1e-9  # of the total variation (and of the objective's scale): a row whose sum falls short by less is exact
 

@@ -12,15 +12,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.arrays import Array, Index
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import SWEEP, PathConstraint
 from ocp_traj.transcription.instant_values import InstantValues, InstantValuesAt, Peak
 from ocp_traj.transcription.instants import Instant
 from ocp_traj.transcription.kernel import limit_kernel
 from ocp_traj.transcription.shape import ShapeAt, shape_of
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 SCAN = 48  # samples a segment when looking for peaks: our choice, far denser than the degrees in use have peaks
 FINE = 33  # samples about a sample that stands out, from one neighbour to the other: our choice
