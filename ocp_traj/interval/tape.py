@@ -19,7 +19,6 @@ from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError, KinkedExpression, UnsupportedOperation
 from ocp_traj.interval.intervals import (
     INTERVAL,
-    Array,
     Operation,
     add,
     constant_power,
