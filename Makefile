@@ -75,7 +75,7 @@ $(VENV)/.installed: pyproject.toml $(VENV)/.made
 	@touch $@
 
 $(VENV)/.installed-dev: pyproject.toml $(VENV)/.made
-	@echo "Installing ocp-traj, what it needs and the test tools into $(VENV): 1.5 GB on the disk, once ..."
+	@echo "Installing ocp-traj, what it needs and the test tools into $(VENV): 1.9 GB on the disk, once ..."
 	$(INSTALL) --editable ".[dev]"
 	@touch $(VENV)/.installed $@
 

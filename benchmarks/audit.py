@@ -12,7 +12,6 @@ import statistics
 import time
 from collections.abc import Callable
 from functools import partial
-from math import comb
 from typing import Any, NamedTuple
 
 import casadi
@@ -22,6 +21,8 @@ from numpy.typing import NDArray
 
 from ocp_traj import problems
 from ocp_traj.curves.bernstein import PiecewiseBezier
+from ocp_traj.curves.families import at_rest, nonic
+from ocp_traj.formulation import standard
 from ocp_traj.formulation.requirements import PathConstraint, Requirements, State
 from ocp_traj.proof.audit import audit_all
 from ocp_traj.proof.values import limit_on
@@ -35,7 +36,7 @@ Array = NDArray[np.float64]
 POINTS = 100_000
 REPEATS = 7
 WIDTHS = (6, 8, 6, 8, 8, 8, 10, 8)  # of the table's columns
-JOINTS = ("A1", "A2", "A3", "A4", "A5", "A6")
+JOINTS, UNITS = ("A1", "A2", "A3", "A4", "A5", "A6"), ("rad",) * 6
 
 # A stand-in for the KUKA KR90 R3100: its dimensions, and the inertial figures of the KR150 R3100-2 as published in
 # kroshu/kuka_robot_descriptions (Apache-2.0). Roll, pitch, yaw [rad] and origin [m] of each joint in the one before.
@@ -79,29 +80,17 @@ def six_joint_arm() -> Robot:
         inertia = pin.Inertia(mass, np.array(centre, dtype=float), turn @ np.diag(moments) @ turn.T)
         model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
     model.appendBodyToJoint(6, _TORCH, _FLANGE)
-    return Robot(model, JOINTS, ("rad",) * 6, LIMITS, _FLANGE * _TORCH_TIP)
-
-
-def nonic(left: Array, right: Array, duration: float) -> Array:
-    """Control points ``(10, dof)`` from q, v, a, jerk, snap ``(5, dof)`` at both ends."""
-    weights = np.array([1.0, 9.0, 72.0, 504.0, 3024.0])
-    pascal = np.array([[comb(i, k) for k in range(5)] for i in range(5)])
-    scale = (duration ** np.arange(5) / weights)[:, None]
-    first = pascal @ (left * scale)
-    last = pascal @ (right * scale * np.array([1.0, -1.0, 1.0, -1.0, 1.0])[:, None])
-    return np.concatenate([first, last[::-1]])
+    return Robot(model, JOINTS, UNITS, LIMITS, _FLANGE * _TORCH_TIP)
 
 
 def tag_to_tag(rest: bool, seconds: float = 5.0) -> PiecewiseBezier:
     """Nonic segments from home to the goal: one at rest at both ends, or two that pass a via point in motion."""
-    at_rest = [np.concatenate([[q], np.zeros((4, 6))]) for q in (HOME, VIA, GOAL)]
+    start, via, goal = (at_rest(q) for q in (HOME, VIA, GOAL))
     if rest:
-        return PiecewiseBezier([seconds], [nonic(at_rest[0], at_rest[2], seconds)])
-    passing = at_rest[1].copy()
-    passing[1] = (GOAL - HOME) / seconds
-    passing[2] = np.radians([3.0, -4.0, 2.0, 5.0, -6.0, 4.0])
-    half = 0.5 * seconds
-    return PiecewiseBezier([half, half], [nonic(at_rest[0], passing, half), nonic(passing, at_rest[2], half)])
+        return nonic([start, goal], [seconds])
+    via[1] = (GOAL - HOME) / seconds
+    via[2] = np.radians([3.0, -4.0, 2.0, 5.0, -6.0, 4.0])
+    return nonic([start, via, goal], [0.5 * seconds] * 2)
 
 
 def _bounds(name: str) -> tuple[Array, Array]:
@@ -121,24 +110,13 @@ def torque(robot: Robot, friction: bool = False) -> PathConstraint:
             return tau
         return tau + 0.03 * effort * casadi.tanh(s.v / (0.02 * speed)) + 0.05 * effort / speed * s.v
 
-    return PathConstraint("torque", expression, lower, effort, ("N m",) * 6, JOINTS)
+    return standard.effort_limit(expression, (lower, effort), robot.effort_units, JOINTS)
 
 
 def arm_requirements(friction: bool = False) -> Requirements:
     """All limits of the arm."""
-    derivatives = [
-        PathConstraint.on_derivative(name, order, *_bounds(name), [unit] * 6, JOINTS)
-        for order, (name, unit) in enumerate(
-            [
-                ("position", "rad"),
-                ("velocity", "rad/s"),
-                ("acceleration", "rad/s2"),
-                ("jerk", "rad/s3"),
-                ("snap", "rad/s4"),
-            ]
-        )
-    ]
-    return Requirements(JOINTS, ("rad",) * 6, (*derivatives, torque(six_joint_arm(), friction)), continuity=4)
+    derivatives = standard.joint_limits(LIMITS, JOINTS, UNITS)
+    return Requirements(JOINTS, UNITS, (*derivatives, torque(six_joint_arm(), friction)), continuity=4)
 
 
 class Subject(NamedTuple):

@@ -18,6 +18,6 @@
 ``case`` may be left out everywhere: the default one is meant.
 """
 
-from ocp_traj.formulation.registry import case_class, load, module, names, register, summary
+from ocp_traj.formulation.registry import case_class, known, load, module, names, register, summary
 
-__all__ = ["case_class", "load", "module", "names", "register", "summary"]
+__all__ = ["case_class", "known", "load", "module", "names", "register", "summary"]

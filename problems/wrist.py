@@ -96,8 +96,8 @@ def inverse_kinematics(rotation: ArrayLike, position: ArrayLike) -> Array:
     return np.reshape(found, (-1, 2, 3))
 
 
-def way(curve: PiecewiseBezier, obstacles: Sequence[Obstacle], branch: int) -> str:
-    """The way past the obstacles: the goal's branch, then per obstacle on which sides of its joint images it passes.
+def homotopy_class(curve: PiecewiseBezier, obstacles: Sequence[Obstacle], branch: int) -> str:
+    """The homotopy class: the goal's branch, then per obstacle on which sides of its joint images it passes.
 
     The link points at an obstacle's centre at two places of the plane (theta1, theta2). About each the curve turns by
     some angle; its sign, + for anticlockwise, says on which side the curve passes, a number before it the full turns.

@@ -249,7 +249,7 @@ def _build(case: ElHaiek2019) -> Problem:
         about=About(
             "spherical wrist, quartic and quintic, obstacles",
             "El Haiek et al. (2019), Procedia Manufacturing 32, 960-968", "quartic and quintic through one via point",
-            homotopy_class=lambda motion: wrist.way(motion.curve, spheres, int(case.branch)),
+            homotopy_class=lambda motion: wrist.homotopy_class(motion.curve, spheres, int(case.branch)),
             describe_conflict=describe,
         ),
     )  # fmt: skip

@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,7 @@ STALLED, NEGLIGIBLE = (
     4.0,
     1e-6,
 )  # a round that gains less than this factor on an excess this small: back off; our choice
-WARM_ITERATIONS = 80  # a warm start that needs more is none
+WARM_ITERATIONS = 40  # a warm start that needs more is none: from a cold one some 25 are enough
 GAINS = 2.0  # a round that reduces the excess by less than this gains too little; our choice
 NEAR = 0.15  # of a segment: a new peak this close to a moving instant replaces it
 
@@ -85,7 +86,7 @@ class Exchange:
         return problem.tuning.max_exchanges if self.max_exchanges is None else self.max_exchanges
 
     def _first(self, problem: Problem, warm: Solution | None) -> list[Instant]:
-        given = list(self.first or few_instants(problem))
+        given = list(few_instants(problem) if self.first is None else self.first)
         if warm is None:  # slopes of another solution mislead where its multipliers do not come with them
             given = [replace(instant, slope=None, sweep_slope=None) for instant in given]
         return given
@@ -176,6 +177,8 @@ class Exchange:
                 number, most, f"{len(nlp.rows)} rows, {'proved' if excess <= 0.0 else f'excess {excess:.2g}'}"
             )
             if proved and proved[-1] is solution and updated is None:
+                if problem.tuning.instants is None:  # a neighbour's solve begins with these
+                    solution = replace(solution, instants=tuple(_near(instants, problem, solution)))
                 return _tightened(problem, scalarisation, solution) if self.prove else solution
             if before / STALLED < excess < NEGLIGIBLE:
                 back_off += 2.0 * excess  # flat peaks wander for ever: stay clear of the limit by what they wander
@@ -295,7 +298,7 @@ def _near(instants: list[Instant], problem: Problem, solution: Solution) -> list
     kept = []
     known = {limit.id for limit in problem.requirements.path_constraints}
     for instant in instants:
-        if instant.limit not in known:  # of a total variation
+        if instant.limit not in known or instant.control is not None:  # of a total variation, or one of all that hold
             kept.append(instant)
             continue
         limit = _limit(problem, instant)
@@ -315,14 +318,16 @@ def _merge(
     were put.
     """
     merged, renamed = list(instants), {}
+    alike: dict[tuple[Any, ...], list[int]] = {}
+    for i, old in enumerate(merged):
+        alike.setdefault((old.limit, old.segment, old.rows), []).append(i)
     for peak in peaks:
-        for i, old in enumerate(merged):
-            same = (old.limit, old.segment, old.rows) == (
-                peak.limit,
-                peak.segment,
-                peak.rows,
-            ) and old.anchor is not None
-            if same and abs(where(old, x) - peak.u) < NEAR and abs(along(old, x) - peak.sweep) < NEAR:
+        places = alike.setdefault((peak.limit, peak.segment, peak.rows), [])
+        for i in places:
+            old = merged[i]
+            if old.anchor is None:
+                continue
+            if abs(where(old, x) - peak.u) < NEAR and abs(along(old, x) - peak.sweep) < NEAR:
                 limit, row = _limit(problem, peak), (peak.rows or (0,))[0]
                 renamed[row_of(limit, peak, row)] = row_of(limit, old, row)
                 merged[i] = peak
@@ -330,6 +335,7 @@ def _merge(
                     merged.append(replace(old, slope=None, anchor=None))
                 break
         else:
+            places.append(len(merged))
             merged.append(peak)
     return merged, renamed
 

@@ -337,7 +337,7 @@ class _Trace:
             dilated = [(np.asarray(self.problem.dilate(x, s)), i) for x, i in candidates for s in RAY]
             inside = [(x, i) for x, i in dilated if (x <= self.problem.upper).all() and (x >= self.problem.lower).all()]
             candidates += inside
-        values = self.population.evaluate(np.array([x for x, _ in candidates])).objectives * self.signs
+        values = self.population.evaluate(np.array([x for x, _ in candidates]), limits=False).objectives * self.signs
         span = np.maximum(np.ptp(self.values, axis=0), 1e-12)
         over = sum(
             (np.maximum(values[:, k] - bound, 0.0) / span[k] for k, bound in bounds.items()), np.zeros(len(values))
@@ -347,7 +347,8 @@ class _Trace:
         return candidates[int(np.argmin(merit))]
 
     def _count(self, scalar: Scalarisation, solution: Solution) -> None:
-        self.tracer.found(of_solve(scalar, solution))
+        if self.tracer.found is not ignore:
+            self.tracer.found(of_solve(scalar, solution))
         self.solves += 1
         self.iterations += solution.iterations
         self.failed += not solution.ok

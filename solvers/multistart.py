@@ -67,7 +67,8 @@ class Multistart:
         done = 0
         with stopping() as stop:
             try:
-                one_start = self._shared(problem, scalarisation, pairs) if self.all_optima else self._alone
+                warm = problem.tuning.warm_start_objective not in ("", *scalarisation.names) and not self.all_optima
+                one_start = self._warm if warm else self._shared(problem, scalarisation, pairs)
                 for x0 in points:
                     solutions += one_start(problem, scalarisation, x0)
                     done += 1
@@ -96,10 +97,9 @@ class Multistart:
             interrupted=interrupted,
         )  # fmt: skip
 
-    def _alone(self, problem: Problem, scalarisation: Scalarisation, x0: Array) -> list[Solution]:
+    def _warm(self, problem: Problem, scalarisation: Scalarisation, x0: Array) -> list[Solution]:
+        """From the optimum of the objective that is easily found."""
         easiest = problem.tuning.warm_start_objective
-        if easiest in ("", *scalarisation.names):
-            return [self.solver.solve(problem, scalarisation, x0)]
         key = "warm start", repr(self.solver), x0.tobytes()
         first = problem.cached(key, lambda: self.solver.solve(problem, WeightedSum({easiest: 1.0}), x0))
         if not first.ok:
@@ -111,22 +111,23 @@ class Multistart:
     def _shared(
         self, problem: Problem, scalarisation: Scalarisation, pairs: list[_Pair]
     ) -> Callable[..., list[Solution]]:
-        """``SOLVES`` solutions of a start; those whose first NLP leads where an earlier one has led are that one's.
+        """One solution a start, ``SOLVES`` with ``all_optima``; first NLPs that lead to one point share the rest.
 
         ``pairs`` collects what each first NLP has led to.
         """
-        usual = self.solver
-        rounds = max(ROUNDS, usual.exchanges(problem))
-        narrow = replace(usual, solver=usual.solver.near_start(), max_exchanges=rounds)
+        solvers = [self.solver]
+        if self.all_optima:
+            rounds = max(ROUNDS, self.solver.exchanges(problem))
+            solvers.append(replace(self.solver, solver=self.solver.solver.near_start(), max_exchanges=rounds))
         nlps: list[tuple[Exchange, NLP, list[_Pair]]] = [
-            (solver, solver.opening(problem, scalarisation), []) for solver in (usual, narrow)
+            (solver, solver.opening(problem, scalarisation), []) for solver in solvers
         ]
 
         def one(solver: Exchange, nlp: NLP, known: list[_Pair], x0: Array) -> Solution:
             opened = solver.solver.solve(nlp, nlp.start(x0))
             for other, solution in known:
                 if opened.ok and np.abs(opened.x - other.x).max() <= ONE_POINT * (1.0 + np.abs(other.x).max()):
-                    return solution
+                    return no_worse_than(problem, scalarisation, solution, x0) if solution.ok else solution
             solution = solver.solve(problem, scalarisation, x0, opened=opened)
             if opened.ok:
                 known.append((opened, solution))

@@ -95,7 +95,7 @@ def numeric_solver(nlp: NLP, plugin: str, options: Mapping[str, Any]) -> tuple[A
     if known != options:
         evaluations = _evaluations(nlp.program)
         values, gradient, jacobian, hessian = evaluations
-        derivatives = {"grad_f": gradient, "jac_g": jacobian, "hess_lag": hessian, "no_nlp_grad": True}
+        derivatives: dict[str, Any] = {"grad_f": gradient, "jac_g": jacobian, "hess_lag": hessian, "no_nlp_grad": True}
         solver = casadi.nlpsol("solver", plugin, values, {**options, **derivatives})
         nlp.memory[plugin] = dict(options), solver, evaluations
     return solver, evaluations

@@ -177,6 +177,31 @@ def test_trajectories_are_audited_together_as_alone(monkeypatch: pytest.MonkeyPa
     assert audit_all([], problem.requirements) == []
 
 
+def test_limits_on_derivatives_are_audited_together_as_alone() -> None:
+    """In whatever order they come, and one of them on some segments only."""
+    problem = problems.load("hybrid-spline")
+    limits = [c for c in problem.requirements.path_constraints if c.order is not None][::-1]
+    limits[1] = replace(limits[1], segments=(1, 2))
+    rng = np.random.default_rng(10)
+    trajectories = [of_vector(problem, problem.guess(rng)) for _ in range(3)]
+    together = audit_all(trajectories, replace(problem.requirements, path_constraints=tuple(limits)))
+    rows = [[row for row in found.rows if row.boxes] for found in together]
+    alone = [audit_all(trajectories, replace(problem.requirements, path_constraints=(limit,))) for limit in limits]
+    assert rows == [[row for audits in alone for row in audits[k].rows if row.boxes] for k in range(3)]
+    assert {row.limit for row in rows[0]} == {limit.id for limit in limits}
+
+
+def test_a_limit_on_segments_that_no_trajectory_has_is_refused() -> None:
+    problem = problems.load("hybrid-spline")
+    limits = [c for c in problem.requirements.path_constraints if c.order is not None]
+    limits[1] = replace(limits[1], segments=(99,))
+    with pytest.raises(ProblemDefinitionError, match=r"'velocity-limit' is for the segments \(99,\)"):
+        audit(
+            of_vector(problem, problem.guess(np.random.default_rng(0))),
+            replace(problem.requirements, path_constraints=tuple(limits)),
+        )
+
+
 def test_what_does_not_fit_the_limits_is_refused() -> None:
     limit = PathConstraint(
         "g", lambda s: s.q[0] * s.c[0], np.zeros(1), np.ones(1), ("-",), ("row",), constants=np.ones((2, 1))

@@ -1,6 +1,7 @@
 """Traced fronts: proved, non-dominated, on the closed form where there is one, and better than NSGA-II's."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -160,10 +161,8 @@ def test_points_of_the_lattice_lie_within_the_reference_box() -> None:
 class _Stubborn(Exchange):
     """Gives up on every solve for the least of one objective that is not time."""
 
-    def solve(
-        self, problem: Problem, scalarisation: Scalarisation, x0: np.ndarray, warm: Solution | None = None
-    ) -> Solution:
-        found = super().solve(problem, scalarisation, x0, warm)
+    def solve(self, problem: Problem, scalarisation: Scalarisation, *given: Any, **more: Any) -> Solution:
+        found = super().solve(problem, scalarisation, *given, **more)
         if isinstance(scalarisation, EpsilonConstraint) and scalarisation.minimise == "effort":
             return replace(found, status=Status.ITERATION_LIMIT, audit=None, trajectory=None)
         return found

@@ -13,6 +13,7 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint
 from ocp_traj.formulation.scalarise import EpsilonConstraint, Scalarisation, WeightedSum
 from ocp_traj.formulation.tuning import Tuning
+from ocp_traj.progress import Progress
 from ocp_traj.proof.verdicts import PROVED, UNDECIDED, Audit, AuditRow
 from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
@@ -141,29 +142,24 @@ def test_starts_of_all_alternatives_are_counted_and_certainty_is_not_claimed_for
     assert "no trajectory meets these limits together: start-limit j" in certain.explain()
 
 
-class _Interrupting(Exchange):
-    """Solves twice, then is interrupted."""
+def _interrupted(after: int) -> Progress:
+    """A progress that is interrupted after so many starts."""
 
-    def solve(self, *args: object, **options: object) -> Solution:
-        counts.append(1)
-        if len(counts) > self.max_exchanges:
+    def told(done: int, total: int, words: str) -> None:
+        if done == after:
             raise KeyboardInterrupt
-        return solution(float(-len(counts)))
 
-
-counts: list[int] = []
+    return told
 
 
 def test_ctrl_c_keeps_the_solutions_so_far() -> None:
-    counts.clear()
-    found = Multistart(_Interrupting(max_exchanges=2), starts=9).solve_all(quintic_problem(), TIME)
-    assert [s.f for s in found] == [-1.0, -2.0]
+    found = Multistart(starts=9, progress=_interrupted(2)).solve_all(quintic_problem(), TIME)
+    assert len(found) == 2 and all(s.ok for s in found)
 
 
 def test_ctrl_c_before_the_first_solution_ends_it() -> None:
-    counts[:] = [1]
     with pytest.raises(KeyboardInterrupt):
-        Multistart(_Interrupting(max_exchanges=1), starts=9).solve_all(quintic_problem(), TIME)
+        Multistart(Exchange(progress=_interrupted(1)), starts=9).solve_all(quintic_problem(), TIME)
 
 
 # --- the best ---

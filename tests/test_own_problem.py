@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import ocp_traj as ot
+from examples import own_robot
 from ocp_traj.cli.commands import run
 from ocp_traj.cli.sheets import problem_sheet
 from ocp_traj.errors import InputError
@@ -119,3 +120,73 @@ def test_public_names_are_all_there() -> None:
     assert {"Problem", "Variable", "Objective", "PathConstraint", "PointConstraint", "standard", "audit"} <= set(
         dir(ot)
     )
+
+
+# --- a robot and a path of one's own ---
+
+OWN = "examples.own_robot:build"
+
+
+def test_an_own_robot_in_35_lines_does_all_that_a_papers_does(tmp_path: Path) -> None:
+    lines = Path(str(own_robot.__file__)).read_text().splitlines()
+    assert sum(bool(line.strip()) for line in lines) <= 35
+    problem = own_robot.build()
+    orders = ("position-limit", "velocity-limit", "acceleration-limit", "jerk-limit", "effort-limit")
+    assert list(problem.requirements.ids) == [*orders, "rest", "via"]
+    solution = ot.solve(problem)
+    assert solution.trajectory is not None and solution.trajectory.audit().proved
+    knots = solution.trajectory.curve.knots[[0, 2, 3, 4, 5, 7]]
+    assert solution.trajectory.curve(knots) == pytest.approx(own_robot.VIA, abs=1e-9)
+    assert ot.plot_trajectory(solution.trajectory, problem.requirements, tmp_path / "t.png").stat().st_size
+
+    front = ot.pareto(problem, ["time", "effort"], points=3)
+    assert front.values[:, 0].min() == pytest.approx(solution.objectives["time"], rel=1e-6)
+    run_folder = ot.save_run(front, tmp_path / "run")
+    for again in (ot.load_run(run_folder), ot.load_run(run_folder, problem=problem)):
+        assert np.array_equal(again.values, front.values) and again.audit(0).proved
+    assert ot.plot_front(again, tmp_path / "front.png").stat().st_size
+    table = ot.export(run_folder, "csv", tmp_path / "front.csv").read_text()
+    assert table.startswith("point,time [s],effort [s],h1 [s]")
+    samples = ot.export(run_folder / "trajectories" / "000.json", "csv", tmp_path / "t.csv").read_text()
+    assert "shoulder_pan_joint jerk [rad/s3]" in samples
+
+
+def test_a_problem_by_module_and_function_is_loaded_with_its_case(monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    def without_case() -> Problem:
+        return quintic_problem()
+
+    monkeypatch.setattr(fifth_paper, "without_case", without_case, raising=False)
+    assert ot.problems.load("tests.fifth_paper:without_case").id == "quintic"
+    assert ot.problems.load(OWN, payload=1).case == own_robot.Case(1.0)
+    assert ot.problems.load("tests.fifth_paper:build", duration=1.0).case.duration == 1.0
+    assert OWN not in ot.problems.names() and ot.problems.known(OWN)
+    with pytest.raises(InputError, match="has no case field 'mass'"):
+        ot.problems.load(OWN, mass=1.0)
+    assert run(["show", OWN]) == 0 and "Gauss, exact to degree 19" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("id", "words"),
+    [
+        ("mine", "and any module:function that makes one"),
+        ("tests:", "and any module:function that makes one"),
+        (":build", "and any module:function that makes one"),
+        ("..tests:build", "and any module:function that makes one"),
+        ("nowhere.at_all:build", "No module named 'nowhere'"),
+        ("examples.own_robot:built", "has no attribute 'built'"),
+        ("os:abort", "makes no problem; give a function that is annotated"),
+        ("examples.own_robot:Case", "makes no problem"),
+    ],
+)
+def test_what_is_no_function_that_makes_a_problem_is_not_called(id: str, words: str) -> None:
+    assert not ot.problems.known(id)
+    with pytest.raises(InputError, match=words):
+        ot.problems.load(id)
+
+
+def test_the_run_of_a_problem_that_no_id_finds_says_how_to_load_it(tmp_path: Path) -> None:
+    problem = quintic_problem()
+    folder = ot.save_run(ot.pareto(problem, ["time", "effort"], points=3), tmp_path / "run")
+    assert len(ot.load_run(folder, problem)) == 3
+    with pytest.raises(InputError, match="load_run.folder, problem., or make its id an importable 'module:function'"):
+        ot.load_run(folder)

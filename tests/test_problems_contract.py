@@ -2,7 +2,7 @@
 
 import ast
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -389,7 +389,10 @@ def test_the_nlp_of_hundreds_of_variables_in_numbers_is_the_one_in_symbols() -> 
 def _is_the_one_in_symbols(problem: Problem) -> None:
     names = {objective.id: 1.0 for objective in problem.objectives}
     few = few_instants(problem)
-    instants = [*few[:: max(1, len(few) // 40)], *_moving(problem)]
+    derivatives = tuple(limit.id for limit in problem.requirements.path_constraints if limit.order is not None)
+    hull = few_instants(replace(problem, tuning=replace(problem.tuning, hull_rows=derivatives)))
+    hull = [instant for instant in hull if instant.control is not None]
+    instants = [*few[:: max(1, len(few) // 40)], *_moving(problem), *hull[:: max(1, len(hull) // 10)]]
     nlp = transcribe(problem, GoalAttainment(names, names), instants)
     rng = np.random.default_rng(3)
     x = nlp.start(guess(problem, 3))

@@ -37,7 +37,7 @@ def xs(record: Record) -> list[list[float]]:
 
 
 def test_a_solve_is_recorded_so_that_it_need_not_be_done_again(quintic: Problem) -> None:
-    asked = EpsilonConstraint("time", {"effort": 2.0}, 1e-6)
+    asked = EpsilonConstraint("time", {"effort": 1e4}, 1e-6)  # the limits bind
     solution = Exchange().solve(quintic, asked, np.array([3.0]))
     record = json.loads(json.dumps(of_solve(asked, solution)))
     (point,) = record["points"]

@@ -15,7 +15,7 @@ from ocp_traj.cli.commands import run as run_command
 from ocp_traj.errors import FileFormatError, InputError, NoSolutionFound
 from ocp_traj.files import plain
 from ocp_traj.formulation.problem import Problem
-from ocp_traj.io import store
+from ocp_traj.io import plot
 from ocp_traj.io.export import export
 from ocp_traj.io.journal import Journal, records
 from ocp_traj.io.plot import plot_front
@@ -177,7 +177,7 @@ def test_a_front_that_cannot_be_saved_leaves_nothing_and_the_earlier_run(
     def fail(*_: Any) -> None:
         raise error
 
-    monkeypatch.setattr(store, "plot_front", fail)
+    monkeypatch.setattr(plot, "plot_front", fail)
     for folder in (small, small.with_name("new")):
         with pytest.raises(type(error)):
             save_run(front, folder, force=True)
@@ -356,7 +356,7 @@ def test_a_damaged_manifest_is_refused(quintic: Problem, small: Path, change: Ed
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (having(problem="wrist"), r"there is no problem 'wrist'; .*give it: load_run\(folder, problem\)"),
+        (having(problem="wrist"), r"there is no problem 'wrist'; .*give it, load_run\(folder, problem\), or make"),
         (having(case={"paylod": 1.0}), "no case field 'paylod'"),
         (having(case=3), "does not describe a run"),
         (having(case={"payload": 7.0}), "journal.jsonl and run.json do not belong together"),

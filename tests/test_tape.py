@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ocp_traj.errors import InputError, KinkedExpression, UnsupportedOperation
+from ocp_traj.interval import program
 from ocp_traj.interval.tape import FLOAT, NAMES, Tape
 from tests.operations import BINARY, CASES, FLOAT_ONLY, case_function, function_of, mixture
 
@@ -139,6 +140,39 @@ def test_columns_do_not_meddle() -> None:
     ((lower_alone, upper_alone),) = tape.enclose((low[:, :1], high[:, :1]), (other[0][:, :1], other[1][:, :1]))
     assert lower[0, 0] == lower_alone[0, 0] and upper[0, 0] == upper_alone[0, 0]
     assert not np.isnan(lower).any() and not np.isnan(upper).any()
+
+
+def test_enclosure_does_not_depend_on_how_many_columns_go_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng, x = np.random.default_rng(6), SX.sym("x", 4)
+    function = casadi.Function("f", [x], [casadi.vertcat(*_random_expression(rng, casadi.vertsplit(x), 80)[-8:])])
+    tape, centre = Tape(function), rng.normal(size=(4, 50))
+    ((lower, upper),) = tape.enclose((centre - 0.1, centre + 0.1))
+    monkeypatch.setattr(program, "_ENTRIES", 2000)  # of a few columns
+    ((low, high),) = tape.enclose((centre - 0.1, centre + 0.1))
+    assert (low == lower).all() and (high == upper).all()
+
+
+def test_negatives_of_intervals_are_read_the_other_way_round() -> None:
+    x, y = SX.sym("x"), SX.sym("y")
+    outputs = [-x, -(x - y), (-x) * (-x), (-x) * y, -2.0 * (-x), casadi.sin(-x), -y - x]
+    boxes = (np.array([1.0]), np.array([2.0])), (np.array([3.0]), np.array([5.0]))
+    ((lower, upper),) = Tape(casadi.Function("f", [x, y], [casadi.vertcat(*outputs)])).enclose(*boxes)
+    exact = np.array([(-2, -1), (1, 4), (1, 4), (-10, -3), (2, 4), (-1, -np.sin(1.0)), (-7, -4)])
+    np.testing.assert_allclose(np.hstack([lower, upper]), exact, rtol=1e-14)
+    assert (lower[:, 0] <= exact[:, 0]).all() and (exact[:, 1] <= upper[:, 0]).all()
+
+
+def test_steps_alike_that_do_not_wait_for_each_other_are_one_pass() -> None:
+    kinds, reads = "amamam", [(-1, -2), (-1, -1), (-1, -1), (0, 2), (1, 3), (2, -1)]
+    steps = [
+        program.Step(kind, lambda *_: None, tuple(map(program.Read, values)))
+        for kind, values in zip(kinds, reads, strict=True)
+    ]
+    groups = program.groups_of(steps)
+    place = {i: k for k, group in enumerate(groups) for i in group}
+    assert sorted(place) == list(range(6)) and len(groups) == 3
+    assert all(len({kinds[i] for i in group}) == 1 for group in groups)
+    assert all(place[value] < place[i] for i, values in enumerate(reads) for value in values if value >= 0)
 
 
 # --- Refusals ---------------------------------------------------------------------------------------------------------

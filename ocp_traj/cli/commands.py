@@ -150,7 +150,9 @@ def solve(
     """
     from ocp_traj import api
     from ocp_traj.cli import sheets
-    from ocp_traj.io.plot import check_picture
+
+    if plot is not None or history is not None:
+        from ocp_traj.io.plot import check_picture
 
     weights = {name: _number(value, f"--weight {cut(name)}") for name, value in _pairs(weight, "--weight").items()}
     chosen = _load(problem, set_)
@@ -408,12 +410,14 @@ def export(
 
 def _write(solution: Solution, problem: Problem, output: Path | None, plot: Path | None, history: Path | None) -> None:
     """Writes what was asked for of a solution, as far as there is one."""
-    from ocp_traj.io.plot import plot_trajectory, save_history
-
     if solution.trajectory is None or solution.audit is None:
         return
     if output is not None:
         console.say(f"trajectory: {solution.trajectory.save(output)}")
+    if plot is None and history is None:
+        return
+    from ocp_traj.io.plot import plot_trajectory, save_history  # Matplotlib is slow to import
+
     if plot is not None:
         console.say(f"picture: {plot_trajectory(solution.trajectory, problem.requirements, plot)}")
     if history is not None and solution.history is not None:

@@ -49,7 +49,8 @@ def problem_sheet(problem: Problem) -> Sheet:
         "default_objective": problem.default_objective,
         "notes": list(problem.about.notes),
     }
-    headline = f"{problem.id}: {problem.about.title}. {problem.about.reference}"
+    words = ". ".join(filter(None, (problem.about.title, problem.about.reference)))
+    headline = ": ".join(filter(None, (problem.id, words)))
     tables: list[Rows] = [(headline, ["case field", "value"], list(case.items()))]
     titles = "Variables", "Objectives", "Limits, at every instant", "Point constraints"
     for title, rows in zip(titles, parts.values(), strict=True):

@@ -76,12 +76,15 @@ def product(matrix: Any, points: Points) -> Any:
     return casadi.mtimes(casadi.SX(matrix), casadi.SX(points))
 
 
+@lru_cache(maxsize=256)
 def difference_matrix(degree: int, order: int) -> Array:
     """Maps control points to those of the derivative over a unit time: n!/(n - m)! Delta^m, ``(n - m + 1, n + 1)``."""
     if order > degree:
-        return np.zeros((1, degree + 1))
-    delta = np.diff(np.eye(degree + 1), n=order, axis=0) if order else np.eye(degree + 1)
-    return delta * (factorial(degree) / factorial(degree - order))
+        matrix = np.zeros((1, degree + 1))
+    else:
+        matrix = np.diff(np.eye(degree + 1), n=order, axis=0) * (factorial(degree) / factorial(degree - order))
+    matrix.flags.writeable = False
+    return matrix
 
 
 def elevation_matrix(degree: int, to_degree: int) -> Array:

@@ -6,6 +6,7 @@ run of each limit's and integrand's tape evaluates every instant of every indivi
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -51,21 +52,31 @@ class _Nodes:
         self.nodes = tuple(nodes)
         self.u = np.array([u for _, u in nodes])
         self.segment = np.array([k for k, _ in nodes], dtype=np.intp)
-        self._matrices = []  # (segment, its places among the nodes, (orders, places, n + 1))
+        alike = defaultdict(list)  # by degree and number of nodes: segment, its places among the nodes
         for k in sorted(set(self.segment.tolist())):
-            places, n = np.nonzero(self.segment == k)[0], degrees[k]
-            per_order = [basis(max(n - o, 0), self.u[places]) @ difference_matrix(n, o) for o in range(len(ORDERS))]
-            self._matrices.append((k, places, np.stack(per_order)))
+            places = np.nonzero(self.segment == k)[0]
+            alike[degrees[k], len(places)].append((k, places))
+        self._groups = []  # segments (K,), places (K, M), matrices (K, orders, M, n + 1)
+        for (n, _), members in alike.items():
+            segments, places = map(np.array, zip(*members, strict=True))
+            per_order = [
+                basis(max(n - o, 0), self.u[places].ravel()) @ difference_matrix(n, o) for o in range(len(ORDERS))
+            ]
+            self._groups.append(
+                (segments, places, np.stack(per_order).reshape(len(ORDERS), *places.shape, n + 1).swapaxes(0, 1))
+            )
 
     def states(self, points: list[Array], durations: Array) -> Array:
         """Derivatives 0..4 at the nodes ``(5, dof, M, N)`` from control points ``(n_k + 1, dof, N)``."""
         dof, individuals = points[0].shape[1:]
         out = np.empty((len(ORDERS), dof, len(self.nodes), individuals))
-        for k, places, matrices in self._matrices:
-            flat = points[k].reshape(len(points[k]), -1)
-            for order, matrix in enumerate(matrices):
-                values = (matrix @ flat).reshape(len(places), dof, individuals) / durations[k] ** order
-                out[order][:, places] = values.swapaxes(0, 1)
+        powers = np.stack([durations**order for order in range(len(ORDERS))], axis=1)
+        for segments, places, matrices in self._groups:
+            together = np.stack([points[k] for k in segments])
+            values = matrices @ together.reshape(len(segments), 1, together.shape[1], -1)
+            values = values.reshape(*values.shape[:3], dof, individuals)
+            values /= powers[segments][:, :, None, None]
+            out[:, :, places] = values.transpose(1, 3, 0, 2, 4)
         return out
 
     def together(self, states: Array, parameters: Array) -> tuple[Array, NDArray[np.intp], Array, Array]:
@@ -114,12 +125,12 @@ class Population:
             if objective.integrand is not None:
                 nodes, weights = quadrature(problem, objective)
                 tape = Tape(integrand_function(problem, objective))
-                self._integrals[objective.id] = (_Nodes(nodes, degrees), weights, tape)
+                self._integrals[objective.id] = (_Nodes(nodes, degrees), weights.toarray(), tape)
             elif objective.of_variables is not None:
                 self._direct[objective.id] = Tape(variables_function(problem, objective))
 
-    def evaluate(self, x: ArrayLike) -> Evaluation:
-        """Objectives and violations of a population ``x (N, n)``."""
+    def evaluate(self, x: ArrayLike, limits: bool = True) -> Evaluation:
+        """Objectives and violations of a population ``x (N, n)``; without its ``limits`` no violations."""
         population = np.atleast_2d(np.asarray(x, dtype=float))
         if population.shape[1] != self.problem.size:
             raise InputError(
@@ -131,8 +142,9 @@ class Population:
             np.ascontiguousarray(np.swapaxes(p.reshape(cols, rows, -1), 0, 1))
             for p, (rows, cols) in zip(flat, self._shapes, strict=True)
         ]
-        states = {nodes: nodes.states(points, durations) for nodes in {nodes for _, nodes in self._limits}}
-        violations = [self._violation(limit, nodes, states[nodes], parameters) for limit, nodes in self._limits]
+        wanted = self._limits if limits else []
+        states = {nodes: nodes.states(points, durations) for nodes in {nodes for _, nodes in wanted}}
+        violations = [self._violation(limit, nodes, states[nodes], parameters) for limit, nodes in wanted]
         values: dict[str, Array] = {}
         for name, objective in self._plain.items():
             if objective.terms is not None:

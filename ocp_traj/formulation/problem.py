@@ -88,7 +88,8 @@ class Problem(Shown):
     """A trajectory optimisation problem: a path of named variables, objectives and limits.
 
     Attributes:
-        id: registry name.
+        id: by which files name it: registered, or ``module:function`` of what makes it; else it has to be given with
+            them.
         variables: blocks of decision variables; x is their concatenation ``(n,)``.
         curve: x -> PiecewiseBezier, symbolic.
         objectives: what may be traded.
@@ -164,6 +165,12 @@ class Problem(Shown):
             for name in used:
                 if name not in names:
                     raise ProblemDefinitionError(f"{self.id}: {word} {name!r} is not one of {names}")
+        known = [limit.id for limit in self.requirements.path_constraints if limit.order is not None]
+        for name in self.tuning.hull_rows:
+            if name not in known:
+                raise ProblemDefinitionError(
+                    f"{self.id}: hull rows of {name!r}, no limit on a derivative of the joints; those are {known}"
+                )
         dof = self.curve(casadi.SX.sym("x", self.size)).dof
         if dof != self.requirements.dof:
             raise ProblemDefinitionError(f"{self.id}: the curve has {dof} joints, the limits {self.requirements.dof}")

@@ -1,13 +1,14 @@
-"""Problems by id: the published ones, those a user registers, and those of other packages."""
+"""Problems by id: the published ones, those a user registers, those of other packages, and any ``module:function``."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass, make_dataclass
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
-from typing import Any
+from inspect import signature
+from typing import Any, get_args, get_type_hints
 
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, UnknownName, quoted
@@ -68,15 +69,49 @@ def _of_other_packages() -> dict[str, str]:
     return {point.name: point.value for point in entry_points(group=GROUP)}
 
 
+def known(id: str) -> bool:
+    """Whether a problem of that id can be loaded."""
+    try:
+        return entry(id).build is not None
+    except UnknownName:
+        return False
+
+
 def entry(id: str) -> Entry:
-    """A registered problem; raises ``UnknownName`` where there is none of that id."""
+    """A registered problem, or one that an importable ``module:function`` makes; else raises ``UnknownName``."""
     if id in _registered:
         return _registered[id]
     found = _of_other_packages() | MODULES
-    if id not in found:
-        raise UnknownName(f"there is no problem {quoted(id)}; problems are {', '.join(names())}")
-    module = import_module(found[id])
-    return Entry(module.build, module.Case, module)
+    if id in found:
+        module = import_module(found[id])
+        return Entry(module.build, module.Case, module)
+    name, _, function = id.partition(":")
+    if all(part.isidentifier() for part in (*name.split("."), function)):
+        return _importable(name, function)
+    raise UnknownName(
+        f"there is no problem {quoted(id)}; problems are {', '.join(names())}, and any module:function that makes one"
+    )
+
+
+def _importable(name: str, function: str) -> Entry:
+    """The problem of a function ``(case: Case) -> Problem`` or ``() -> Problem``.
+
+    The id may come from a file: no function is called that is not annotated to make a problem.
+    """
+    try:
+        module = import_module(name)
+        build = getattr(module, function)
+        hints, taken = get_type_hints(build), list(signature(build).parameters)
+    except (ImportError, AttributeError, NameError, TypeError, ValueError) as error:
+        raise UnknownName(f"there is no problem {quoted(f'{name}:{function}')}: {error}") from error
+    given = hints.get(taken[0]) if taken else make_dataclass("Case", ())
+    cases = [kind for kind in get_args(given) or (given,) if isinstance(kind, type) and is_dataclass(kind)]
+    if hints.get("return") is not Problem or len(taken) > 1 or not cases:
+        raise UnknownName(
+            f"{quoted(f'{name}:{function}')} makes no problem; give a function that is annotated (case: Case) -> "
+            "Problem, of a dataclass Case, or () -> Problem"
+        )
+    return Entry(build if taken else lambda case: build(), cases[0], module)
 
 
 def case_class(id: str) -> Any:

@@ -19,6 +19,7 @@ class Row:
         unit: of the row's value before scaling.
         scale: the row is the limit's value divided by this.
         sweep: where along the sweep of a swept limit.
+        control: the control point of the limit's derivative on the segment that the row holds, in place of an instant.
         defines: the row only says what an extra variable is; it can always be met and is in nobody's way.
     """
 
@@ -30,6 +31,7 @@ class Row:
     scale: float = 1.0
     defines: bool = False
     sweep: float = 0.0
+    control: int | None = None
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,8 @@ class Conflict:
         if self.words:
             return self.words
         name = f"{self.row.limit} {self.row.label}".strip()
-        where = f" at segment {self.row.segment}, u = {self.row.instant:.3f}" if self.row.segment >= 0 else ""
+        place = f"u = {self.row.instant:.3f}" if self.row.control is None else f"control point {self.row.control}"
+        where = f" at segment {self.row.segment}, {place}" if self.row.segment >= 0 else ""
         if self.excess > 0.0:
             return (
                 f"{name}{where}: {self.value:.6g}, allowed {self.bound:.6g} {self.row.unit} (off by {self.excess:.3g})"

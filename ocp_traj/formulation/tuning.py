@@ -29,6 +29,10 @@ class Tuning:
             from wandering between local optima. None: degree/2 + 1, at least 3, of which those far from their limits
             are dropped. A mapping {limit: local times}: limits without an entry are looked at between solves only,
             which leaves out rows that would never be active.
+        hull_rows: ids of limits on derivatives of the joints that the NLP holds at that derivative's control points in
+            place of instants. They hold it everywhere, so that no round is needed for them, and are tight where it
+            rests on its bound along whole arcs, as in time-optimal motions of many pieces, where peaks would wander.
+            Where it touches its bound at a peak they ask for more than the limit does.
         instants_move: whether instants follow the peaks they were put on. That saves rounds, and fills the Jacobian,
             which costs more where there are many variables.
         max_exchanges: rounds of constraint exchange; flat valleys need more.
@@ -40,6 +44,7 @@ class Tuning:
     starts: int = 1
     warm_start_objective: str = ""
     instants: int | Mapping[str, Sequence[float]] | None = None
+    hull_rows: tuple[str, ...] = ()
     instants_move: bool = True
     max_exchanges: int = 10
     regularisation: Mapping[str, float] = field(default_factory=dict)

@@ -63,11 +63,66 @@ def _hull(values: Array) -> Array:
     return result
 
 
-def boxes_of(lower: Array, upper: Array) -> Array:
-    """Boxes ``(numel, 2, N)`` of ends ``(numel, 1 or N)``."""
-    low = np.where(np.isnan(lower), -np.inf, np.minimum(lower, _MAX))
-    high = np.where(np.isnan(upper), np.inf, np.maximum(upper, -_MAX))
-    return np.stack(np.broadcast_arrays(low, high), axis=1)
+def upper_bounds(lower: Array, upper: Array) -> Array:
+    """Upper bounds ``(2, ..)`` of -x and x of ends ``(..)`` each, of which those that are NaN are infinite."""
+    bounds = np.stack(np.broadcast_arrays(-lower, upper))
+    return np.where(np.isnan(bounds), np.inf, np.maximum(bounds, -_MAX))
+
+
+def on_boxes(extension: Operation) -> Operation:
+    """An extension for registers of upper bounds; see ``ocp_traj.interval.program``."""
+
+    def run(result: Array, *operands: Array) -> None:
+        boxes = [operand.reshape(2, -1) for operand in operands]
+        for box in boxes:
+            np.negative(box[0], out=box[0])
+        lower, upper = np.broadcast_to(extension(*boxes), boxes[0].shape)
+        np.negative(lower.reshape(result[0].shape), out=result[0])
+        result[1] = upper.reshape(result[1].shape)
+
+    return run
+
+
+def _upward(values: Array, result: Array) -> None:
+    """Writes the float after each value, or the one after that."""
+    more = np.abs(values)
+    more *= _NEXT[0]
+    more += _NEXT[1]
+    try:
+        np.add(values, more, out=result)
+    except FloatingPointError:  # inf - inf: a bound that overflowed downward
+        with np.errstate(invalid="ignore"):
+            np.add(values, more, out=result)
+        result[np.isnan(result)] = -_MAX
+
+
+def add(result: Array, x: Array, y: Array) -> None:
+    """Sum of upper bounds; none is -inf, so that the sum is a number."""
+    x += y
+    _upward(x, result)
+
+
+def scale(result: Array, x: Array, y: Array) -> None:
+    """Product of upper bounds with a number y > 0."""
+    x *= y[1]
+    _upward(x, result)
+
+
+def multiply(result: Array, x: Array, y: Array) -> None:
+    """Product of upper bounds (-a, b) and (-c, d): the largest of -ac, -ad, -bc, -bd and of ac, ad, bc, bd."""
+    try:
+        same, crossed = x * y, x * y[::-1]  # (ac, bd) and (-ad, -bc)
+    except FloatingPointError:  # 0 * inf: 0 for finite operands, and their other limits are corners
+        with np.errstate(invalid="ignore"):
+            same, crossed = x * y, x * y[::-1]
+        for product in (same, crossed):
+            product[np.isnan(product)] = 0.0
+    for end, positive, negative in ((0, crossed, same), (1, same, crossed)):
+        np.maximum(positive[0], positive[1], out=x[end])
+        np.minimum(negative[0], negative[1], out=y[end])
+    np.negative(y, out=y)
+    np.maximum(x, y, out=x)
+    _upward(x, result)
 
 
 def _corners(function: Operation, margin: Margin) -> Operation:
@@ -121,11 +176,6 @@ def _magnitude(x: Array) -> Array:
 
 def _even(increasing: Operation) -> Operation:
     return lambda x: increasing(_magnitude(x))
-
-
-def scaling(factor: float) -> Operation:
-    """Extension of x -> factor x, for a finite factor that is not zero."""
-    return lambda x: _outward((x if factor > 0.0 else x[::-1]) * factor, _NEXT)
 
 
 def _quotient(x: Array, y: Array) -> Array:
@@ -203,11 +253,10 @@ _multiply, _divide, _atan2 = _corners(np.multiply, _NEXT), _corners(np.divide, _
 _exp, _log = _increasing(np.exp, image=(0.0, np.inf)), _increasing(np.log, domain=(0.0, np.inf))
 _acos_of_minus = _increasing(lambda x: np.arccos(-x), domain=(-1.0, 1.0), image=(0.0, _PI))
 
-# Extensions by operation code.
+# Extensions by operation code, beside sums, products and negatives.
 INTERVAL: dict[int, Operation] = operation_table(
-    ASSIGN=lambda x: x, NEG=lambda x: -x[::-1], FABS=_magnitude, FMIN=np.minimum, FMAX=np.maximum,
-    ADD=lambda x, y: _outward(x + y, _NEXT), SUB=lambda x, y: _outward(x - y[::-1], _NEXT), MUL=_multiply,
-    TWICE=lambda x: _outward(x + x, _NEXT), DIV=_quotient, INV=_inverse, POW=_power, CONSTPOW=_power, HYPOT=_length,
+    ASSIGN=lambda x: x, FABS=_magnitude, FMIN=np.minimum, FMAX=np.maximum,
+    DIV=_quotient, INV=_inverse, POW=_power, CONSTPOW=_power, HYPOT=_length,
     SQ=_even(_increasing(np.square, image=(0.0, np.inf), margin=_NEXT)),
     SQRT=_increasing(np.sqrt, domain=(0.0, np.inf), image=(0.0, np.inf), margin=_NEXT),
     EXP=_exp, EXPM1=_increasing(np.expm1, image=(-1.0, np.inf)),

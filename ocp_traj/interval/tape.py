@@ -7,7 +7,8 @@ result contains the exact range of the tape (its constants as rounded) over each
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from functools import cached_property
 from typing import Any
 
 import casadi
@@ -15,7 +16,19 @@ import numpy as np
 from scipy import special
 
 from ocp_traj.errors import InputError, KinkedExpression, UnsupportedOperation
-from ocp_traj.interval.intervals import INTERVAL, Array, Operation, boxes_of, constant_power, operation_table, scaling
+from ocp_traj.interval.intervals import (
+    INTERVAL,
+    Array,
+    Operation,
+    add,
+    constant_power,
+    multiply,
+    on_boxes,
+    operation_table,
+    scale,
+    upper_bounds,
+)  # fmt: skip
+from ocp_traj.interval.program import Program, Read, Step
 
 
 class Tape:
@@ -61,9 +74,7 @@ class Tape:
                 self._steps.append((operation, slot[written[0]], operands[0], operands[1]))
             else:
                 raise self._unsupported(operation, "in floats", FLOAT)
-        self._float_program = [(FLOAT[operation], *slots) for operation, *slots in self._steps]
-        self._interval_program: list[Any] | None = None  # made on demand: floats do more operations than intervals
-        self._constants: dict[float, Array] = {}  # as boxes
+        self._float_program: list[Any] = [(FLOAT[operation], *slots) for operation, *slots in self._steps]
 
     def evaluate(self, *inputs: Array) -> tuple[Array, ...]:
         """Values at ``N`` points.
@@ -78,7 +89,11 @@ class Tape:
         leaves = [leaf if isinstance(leaf, float) else rows[leaf[0]][leaf[1]] for leaf in self._leaves]
         results = [np.zeros((numel, n_columns)) for numel in self._numel_out]
         with np.errstate(all="ignore"):
-            self._run(self._float_program, leaves, results)
+            values: list[Any] = [None] * self._n_slots + leaves
+            for operation, written, first, second in self._float_program:
+                values[written] = operation(values[first]) if second < 0 else operation(values[first], values[second])
+        for (k, row), value in zip(self._results, values, strict=False):
+            results[k][row] = value
         return tuple(results)
 
     def enclose(self, *inputs: tuple[Array, Array]) -> tuple[tuple[Array, Array], ...]:
@@ -90,23 +105,16 @@ class Tape:
         Returns:
             Lower and upper ends of result k, each ``(numel_out(k), N)``; infinite where unbounded, never NaN.
         """
-        if self._interval_program is None:
-            constants = [leaf for leaf in self._leaves if isinstance(leaf, float)]
-            column = np.array(constants).reshape(-1, 1)
-            self._constants = dict(zip(constants, boxes_of(column, column), strict=True))
-            self._interval_program = [self._interval_step(*step) for step in self._steps]
+        program = self._interval_program
         columns, n_columns = self._columns([end for pair in inputs for end in pair], ends=2)
-        boxes = [boxes_of(lower, upper) for lower, upper in zip(columns[::2], columns[1::2], strict=True)]
-        for k, box in enumerate(boxes):
-            if (box[:, 0] > box[:, 1]).any():
+        pairs = list(zip(columns[::2], columns[1::2], strict=True))
+        for k, (lower, upper) in enumerate(pairs):
+            if (lower > upper).any():
                 raise InputError(f"{self.name}: input {k} has a lower end above its upper end; swap them")
-        leaves = [
-            self._constants[leaf] if isinstance(leaf, float) else boxes[leaf[0]][leaf[1]] for leaf in self._leaves
-        ]
-        results = [np.zeros((numel, 2, n_columns)) for numel in self._numel_out]
+        results = [np.zeros((2, numel, n_columns)) for numel in self._numel_out]
         with np.errstate(all="ignore", invalid="raise"):  # 0 * inf and inf - inf are rare: each operation catches them
-            self._run(self._interval_program, leaves, results)
-        return tuple((result[:, 0], result[:, 1]) for result in results)
+            program.run([upper_bounds(*pair) for pair in pairs], results)
+        return tuple((-negated, upper) for negated, upper in results)
 
     def require_smooth(self, what: str) -> None:
         """Refuse a tape with kinks or jumps: second derivatives miss them, so that a proof by them is unsound."""
@@ -127,35 +135,56 @@ class Tape:
             raise InputError(f"{self.name}: inputs have shapes {shapes}, expected (n, N) with n = {expected}, one N")
         return columns, widths.pop() if widths else 1
 
-    def _run(self, program: list[Any], leaves: list[Any], results: list[Array]) -> None:
-        values: list[Any] = [None] * self._n_slots + leaves
-        for operation, written, first, second in program:
-            values[written] = operation(values[first]) if second < 0 else operation(values[first], values[second])
-        for (k, row), value in zip(self._results, values, strict=False):
-            results[k][row] = value
+    @cached_property
+    def _interval_program(self) -> Program:
+        """Passes in intervals; better ones where an operand is constant or repeated, none for a negative."""
+        steps: list[Step] = []
+        value = {self._n_slots + j: Read(~j) for j in range(len(self._leaves))}  # in each slot
+        for operation, written, *slots in self._steps:
+            reads = [value[slot] for slot in slots if slot >= 0]
+            if operation in (casadi.OP_ASSIGN, casadi.OP_NEG):
+                value[written] = reads[0].negative(operation == casadi.OP_NEG)
+            else:
+                value[written] = Read(len(steps))
+                steps.append(self._interval_step(operation, reads))
+        results = [(k, row, value[slot]) for slot, (k, row) in enumerate(self._results)]
+        return Program(self._leaves, steps, results)
 
-    def _interval_step(self, operation: int, written: int, first: int, second: int) -> tuple[Operation, int, int, int]:
-        """The step on intervals: a better one where an operand is constant or repeated."""
-        leaves: list[Any] = [None] * self._n_slots + self._leaves
-        left, right = leaves[first], leaves[second] if second >= 0 else None
-        if operation == casadi.OP_MUL and first == second:
-            return INTERVAL[casadi.OP_SQ], written, first, -1
-        for factor, other in ((left, second), (right, first)):
-            if operation == casadi.OP_MUL and isinstance(factor, float) and factor != 0.0 and math.isfinite(factor):
-                return scaling(factor), written, other, -1
-        if operation in (casadi.OP_POW, casadi.OP_CONSTPOW) and isinstance(right, float):
-            return constant_power(right), written, first, -1
+    def _interval_step(self, operation: int, reads: list[Read]) -> Step:
+        first, last = reads[0], reads[-1]
+        if operation == casadi.OP_SUB:
+            return Step("add", add, (first, last.negative()))
+        if operation in (casadi.OP_ADD, casadi.OP_TWICE):
+            return Step("add", add, (first, last))
+        if operation == casadi.OP_MUL and first == last:
+            operation, reads = casadi.OP_SQ, [first]
+        elif operation == casadi.OP_MUL:
+            for factor, other in ((first, last), (last, first)):
+                number = self._constant(factor)
+                if number and math.isfinite(number):
+                    return Step("scale", scale, (other.negative(number < 0.0), factor.negative(number < 0.0)))
+            return Step("multiply", multiply, (first, last))
+        elif operation in (casadi.OP_POW, casadi.OP_CONSTPOW):
+            exponent = self._constant(last)
+            if exponent is not None:
+                return Step((operation, exponent), on_boxes(constant_power(exponent)), (first,))
         if operation not in INTERVAL:
-            raise self._unsupported(operation, "in intervals", INTERVAL)
-        return INTERVAL[operation], written, first, second
+            raise self._unsupported(operation, "in intervals", [*INTERVAL, *_ARITHMETIC])
+        return Step(operation, on_boxes(INTERVAL[operation]), tuple(reads))
 
-    def _unsupported(self, operation: int, where: str, known: dict[int, Operation]) -> UnsupportedOperation:
+    def _constant(self, read: Read) -> float | None:
+        """The number that is read, if it is a constant."""
+        leaf = self._leaves[~read.value] if read.value < 0 else None
+        return (-leaf if read.negated else leaf) if isinstance(leaf, float) else None
+
+    def _unsupported(self, operation: int, where: str, known: Iterable[int]) -> UnsupportedOperation:
         name = NAMES.get(operation, f"operation {operation}")
         allowed = ", ".join(sorted(NAMES[key] for key in known))
         return UnsupportedOperation(f"{self.name}: {name} is not supported {where}; supported are {allowed}")
 
 
 NAMES = {getattr(casadi, name): name for name in dir(casadi) if name.startswith("OP_")}
+_ARITHMETIC = casadi.OP_ADD, casadi.OP_SUB, casadi.OP_TWICE, casadi.OP_MUL, casadi.OP_NEG
 _SPLIT = "split it into several limits, one for each branch or argument (a maximum is several limits)"
 _KINKED: dict[int, str] = operation_table(
     FABS="write |x| <= c as the two-sided limit -c <= x <= c, and limit a distance by its square (sqrt(x^2) is |x|)",

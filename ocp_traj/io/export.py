@@ -65,7 +65,7 @@ def _front(source: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
     if not source.is_dir() and not (source.name == TABLE and (folder / MANIFEST).is_file()):
         return read_front_csv(source).reset_index(), {}
     run = read_manifest(folder)
-    if not source.is_dir() and run.get("problem") not in problems.names():
+    if not source.is_dir() and not problems.known(str(run.get("problem"))):
         # A problem of the user's own, which nothing here can prove a point of.
         return read_front_csv(source).reset_index(), run
     return load_run(folder).table.reset_index(), run
@@ -80,7 +80,7 @@ def trajectory_table(trajectory: Trajectory, samples: int = 200) -> pd.DataFrame
     units: tuple[str, ...] | None = None
     if trajectory.origin is not None:
         units = trajectory.origin.requirements.joint_units
-    elif trajectory.problem in problems.names():
+    elif problems.known(trajectory.problem):
         units = problems.load(trajectory.problem, **trajectory.case).requirements.joint_units
     names = []
     for quantity, per_time in zip(COLUMNS, PER_TIME, strict=True):

@@ -46,7 +46,8 @@ def load_run(folder: str | Path, problem: Problem | None = None) -> Front:
 
     Args:
         folder: of the run.
-        problem: whose run it is; by default it is built again from the id and case that ``run.json`` names.
+        problem: whose run it is; by default it is built again from the id and case that ``run.json`` names, where the
+            id is registered or an importable ``module:function``.
     """
     root = Path(folder)
     run = read_manifest(root)
@@ -102,10 +103,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 def _problem(root: Path, run: Mapping[str, Any], given: Problem | None) -> Problem:
     if given is None:
-        if run["problem"] not in problems.names():
+        if not problems.known(run["problem"]):
             raise FileFormatError(
                 f"{root / MANIFEST} does not describe a run: there is no problem {run['problem']!r}; where it is one "
-                "of your own, give it: load_run(folder, problem)"
+                "of your own, give it, load_run(folder, problem), or make its id an importable 'module:function'"
             )
         return problems.load(run["problem"], **run["case"])
     if (given.id, plain(case_fields(given))) != (run["problem"], run["case"]):

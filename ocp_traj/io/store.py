@@ -21,7 +21,6 @@ from ocp_traj.errors import InputError
 from ocp_traj.files import plain, write_text, write_with
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.io.journal import Journal
-from ocp_traj.io.plot import plot_front
 from ocp_traj.io.run_folder import JOURNAL, MANIFEST, PICTURE, TABLE, TRAJECTORIES, RunFolder
 from ocp_traj.proof.verdicts import PROVED
 from ocp_traj.results.front import Front, Hypervolume
@@ -101,6 +100,8 @@ class Run:
 
         ``hypervolume`` is what to record, where it was measured with other corners than the front's own.
         """
+        from ocp_traj.io.plot import plot_front  # Matplotlib is slow to import, and drawn with at the end alone
+
         self._append(of_front(front))
         root = self._place.root
         _write_trajectories(front, root / TRAJECTORIES)

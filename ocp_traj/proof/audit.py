@@ -65,11 +65,15 @@ def audit_all(
     rows: list[list[AuditRow]] = [[] for _ in trajectories]
     # Numbers may overflow on the way; what is not a number is never taken for a proof.
     with np.errstate(all="ignore"):
-        for limit in requirements.path_constraints:
-            chosen = SweptProver if limit.sweep else Prover
-            prover = chosen(trajectories, requirements, limit, allowance, tightness, max_arcs)
+        derivatives = [limit for limit in requirements.path_constraints if limit.order is not None]
+        others = [[limit] for limit in requirements.path_constraints if limit.order is None]
+        for limits in [derivatives, *others] if derivatives else others:
+            chosen = SweptProver if limits[0].sweep else Prover
+            prover = chosen(trajectories, requirements, limits, allowance, tightness, max_arcs)
             for index, found in enumerate(prover.run()):
                 rows[index].extend(found)
+        for found in rows:
+            found.sort(key=lambda row: requirements.ids.index(row.limit))
         for point in requirements.point_constraints:
             for index, found in enumerate(_check_points(trajectories, requirements, point)):
                 rows[index].extend(found)

@@ -1,4 +1,4 @@
-"""What is known of one limit along motions, and what follows: proved, violated, undecided, or worth another cut.
+"""What is known of limits along motions, and what follows: proved, violated, undecided, or worth another cut.
 
 Both sides of each row are read as "value <= bound": side 0 is g <= upper, side 1 is -g <= -lower. A value that is
 attained beyond what is allowed violates it, a bound over all arcs within what is allowed proves it; nothing that is
@@ -35,11 +35,11 @@ def allowance_of(bound: Array, share: float) -> Array:
 
 
 class Decision:
-    """The values attained and the bounds found of one limit, per side, row and motion.
+    """The values attained and the bounds found of limits, per side, row and motion.
 
     Args:
-        motions: along which the limit is looked at.
-        limit: whose bounds.
+        motions: along which the limits are looked at.
+        limits: whose rows follow each other.
         allowance: as a share of each bound.
         tightness: how closely the largest value is enclosed, in units of the limit's scale.
 
@@ -48,16 +48,21 @@ class Decision:
         attained: lower bound of the largest value ``(2, rows, motions)``.
         place: segment, local time and sweep of that value ``(3, 2, rows, motions)``.
         proved: upper bound over all arcs that are closed ``(2, rows, motions)``.
-        boxes: how many were looked at ``(motions,)``.
+        boxes: how many were looked at ``(limits, motions)``.
+        limit_of: index of each row's limit ``(rows,)``.
     """
 
-    def __init__(self, motions: Sequence[Motion], limit: PathConstraint, allowance: float, tightness: float) -> None:
-        self.motions, self.limit, self.tightness = motions, limit, tightness
-        self.bound, self.scale = np.stack([limit.upper, -limit.lower]), limit.scale
+    def __init__(
+        self, motions: Sequence[Motion], limits: Sequence[PathConstraint], allowance: float, tightness: float
+    ) -> None:
+        self.motions, self.limits, self.tightness = motions, limits, tightness
+        self.bound = np.concatenate([np.stack([limit.upper, -limit.lower]) for limit in limits], axis=1)
+        self.scale = np.concatenate([limit.scale for limit in limits])
+        self.limit_of = np.repeat(np.arange(len(limits)), [len(limit.labels) for limit in limits])
         self.allowance = allowance_of(self.bound, allowance)
-        shape = 2, len(limit.labels), len(motions)
+        shape = 2, len(self.scale), len(motions)
         self.attained, self.proved, self.place = np.full(shape, -np.inf), np.full(shape, -np.inf), np.zeros((3, *shape))
-        self.boxes = np.zeros(len(motions), dtype=int)
+        self.boxes = np.zeros((len(limits), len(motions)), dtype=int)
 
     @property
     def allowed(self) -> Array:
@@ -101,23 +106,31 @@ class Decision:
             self.proved[..., owners] = np.maximum(self.proved[..., owners], np.maximum.reduceat(bound, first, axis=-1))
 
     def rows(self, motion: int) -> list[AuditRow]:
-        """Of each row of the limit the side that is worse off."""
-        rows = []
-        for row in range(len(self.limit.labels)):
-            sides = [self._row(side, row, motion) for side in (0, 1) if np.isfinite(self.bound[side, row])]
+        """Of each row of the limits the side that is worse off."""
+        rows: list[AuditRow] = []
+        names = [
+            (k, *name) for k, limit in enumerate(self.limits) for name in zip(limit.labels, limit.units, strict=True)
+        ]
+        numbers = (
+            self.bound,
+            self.allowance,
+            self.attained[..., motion],
+            self.proved[..., motion],
+            *self.place[..., motion],
+        )
+        table = np.stack(numbers).transpose(2, 1, 0).tolist()  # by row and side
+        curve, knots = self.motions[motion].curve, self.motions[motion].curve.knots
+        for row, (k, label, unit) in enumerate(names):
+            sides = []
+            for sign, values in zip((1.0, -1.0), table[row], strict=True):
+                bound, allowance, attained, proved, segment, u, sweep = values
+                if np.isfinite(bound):
+                    sides.append(AuditRow(
+                        self.limits[k].id, label, unit, sign * bound, sign * attained,
+                        float(knots[int(segment)] + u * curve.durations[int(segment)]), sign * proved,
+                        (bound - proved) / float(self.scale[row]), decide(attained, proved, bound + allowance),
+                        int(self.boxes[k, motion]), sweep if self.limits[k].sweep else None, allowance,
+                    ))  # fmt: skip
             if sides:
                 rows.append(max(sides, key=lambda r: (SEVERITY[r.verdict], -r.margin)))
         return rows
-
-    def _row(self, side: int, row: int, motion: int) -> AuditRow:
-        limit, at, sign = self.limit, (side, row, motion), (1.0, -1.0)[side]
-        bound, allowance = float(self.bound[side, row]), float(self.allowance[side, row])
-        attained, proved = float(self.attained[at]), float(self.proved[at])
-        segment, u, sweep = self.place[:, *at].tolist()
-        curve, k = self.motions[motion].curve, int(segment)
-        return AuditRow(
-            limit.id, limit.labels[row], limit.units[row], sign * bound, sign * attained,
-            float(curve.knots[k] + u * curve.durations[k]), sign * proved, (bound - proved) / float(self.scale[row]),
-            decide(attained, proved, bound + allowance), int(self.boxes[motion]), sweep if limit.sweep else None,
-            allowance,
-        )  # fmt: skip

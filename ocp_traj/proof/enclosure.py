@@ -9,7 +9,7 @@ lies above g.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ Pair = tuple[Array, Array]  # lower, upper
 
 # A cut at a + r (b - a) rounds three times, by at most 2^-54 each since all stays below 1, and passes on older errors.
 ROUNDING = 2.3e-16
+_PER_ARC = ("owner", "segment", "a", "b", "duration", "points")
 _TINY = np.finfo(float).tiny  # 2^-1022
 
 
@@ -36,7 +37,9 @@ class Arcs:
         segment: ``(N,)``.
         a, b: local times of the ends ``(N,)``, rounded; the arcs tile their segment exactly.
         duration: of the whole segment [s] ``(N,)``.
-        hodographs: per derivative order, lower and upper control points ``(N, max(n - order, 0) + 1, dof)``.
+        points: of the hodographs, upper bounds of the negative and of the control point, so that both round upward:
+            ``(largest count, orders, 2, dof, N)``, -inf beyond an order's count.
+        counts: of control points per derivative order, the largest first.
         splits: how often they were cut.
     """
 
@@ -45,7 +48,8 @@ class Arcs:
     a: Array
     b: Array
     duration: Array
-    hodographs: tuple[Pair, ...]
+    points: Array
+    counts: tuple[int, ...]
     splits: int = 0
 
     @classmethod
@@ -53,38 +57,44 @@ class Arcs:
         cls, owner: NDArray[np.intp], segment: NDArray[np.intp], points: Array, duration: Array, orders: int
     ) -> Arcs:
         """Whole segments from control points ``(N, n + 1, dof)``, with derivatives up to ``orders``."""
-        lower, upper = points, points
-        hodographs = [(lower, upper)]
-        time = duration[:, None, None]
-        with np.errstate(over="ignore"):  # an end that overflows outward is infinite, which is a bound
+        bounds = np.stack([-points, points]).transpose(2, 0, 3, 1)  # (n + 1, 2, dof, N)
+        hodographs = [bounds]
+        with np.errstate(over="ignore"):  # an end that overflows upward is infinite, which is a bound
             for _ in range(orders):
-                degree = lower.shape[1] - 1
+                degree = len(bounds) - 1
                 if degree == 0:
-                    lower = upper = np.zeros_like(lower)
+                    bounds = np.zeros_like(bounds)
                 else:
-                    lower, upper = outward(lower[:, 1:] - upper[:, :-1], upper[:, 1:] - lower[:, :-1])
-                    lower, upper = outward(lower * degree, upper * degree)
-                    lower, upper = outward(lower / time, upper / time)
-                hodographs.append((lower, upper))
+                    bounds = _upward(bounds[1:] + bounds[:-1, ::-1])
+                    bounds = _upward(_upward(bounds * degree) / duration)
+                hodographs.append(bounds)
+        counts = tuple(map(len, hodographs))
         n = len(owner)
-        return cls(owner, segment, np.zeros(n), np.ones(n), duration, tuple(hodographs))
+        return cls(owner, segment, np.zeros(n), np.ones(n), duration, _padded(hodographs, counts), counts)
 
     @classmethod
     def join(cls, parts: Sequence[Arcs]) -> Arcs:
         """Some arcs after each other, written at the highest degree among them."""
-        counts = [
-            max(low.shape[1] for low, _ in same) for same in zip(*(part.hodographs for part in parts), strict=True)
-        ]
-        hodographs = []
-        for order, count in enumerate(counts):
-            pairs = [part.hodographs[order] for part in parts]
-            low = np.concatenate([_elevated(pair[0], count, -1.0) for pair in pairs])
-            hodographs.append((low, np.concatenate([_elevated(pair[1], count, 1.0) for pair in pairs])))
+        counts = tuple(map(max, zip(*(part.counts for part in parts), strict=True)))
+        points = [part._elevated(counts) for part in parts]
         owner, segment, a, b, duration = (
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("owner", "segment", "a", "b", "duration")
+            np.concatenate([getattr(part, name) for part in parts]) for name in _PER_ARC[:-1]
         )
-        return cls(owner, segment, a, b, duration, tuple(hodographs), max(part.splits for part in parts))
+        splits = max(part.splits for part in parts)
+        return cls(owner, segment, a, b, duration, np.concatenate(points, axis=-1), counts, splits)
+
+    def _elevated(self, counts: tuple[int, ...]) -> Array:
+        if counts == self.counts:
+            return self.points
+        elevated = []
+        for order, count in enumerate(counts):
+            points = self.points[: self.counts[order], order]
+            while len(points) < count:  # Farin (2002), sect. 6.1
+                s = (np.arange(1, len(points)) / len(points))[:, None, None, None]
+                inner = _mean(points, 1.0 - s, s, _slack(points, axis=1))
+                points = np.concatenate([points[:1], inner, points[-1:]])
+            elevated.append(points)
+        return _padded(elevated, counts)
 
     def __len__(self) -> int:
         """Number of arcs."""
@@ -94,36 +104,58 @@ class Arcs:
         """The arcs at these indices."""
         return Arcs(
             self.owner[which], self.segment[which], self.a[which], self.b[which], self.duration[which],
-            tuple((low[which], high[which]) for low, high in self.hodographs), self.splits,
+            self.points[..., which], self.counts, self.splits,
         )  # fmt: skip
+
+    def only(self, orders: Sequence[int]) -> Arcs:
+        """The same arcs with some derivatives alone."""
+        counts = tuple(self.counts[order] for order in orders)
+        return replace(self, points=self.points[: max(counts), orders], counts=counts)
 
     def split(self, at: Array) -> tuple[Arcs, Arcs]:
         """Left and right parts of every arc, cut at the fraction ``at (N,)`` (rounded to 2^-20, so exact)."""
-        ratio = np.clip(np.round(at * 2.0**20), 1.0, 2.0**20 - 1.0) * 2.0**-20
-        r = ratio[:, None, None]
+        r = np.clip(np.round(at * 2.0**20), 1.0, 2.0**20 - 1.0) * 2.0**-20
         s = 1.0 - r  # exact: both are multiples of 2^-20
-        with np.errstate(over="ignore"):
-            parts = [_de_casteljau(low, high, r, s) for low, high in self.hodographs]
-        middle = self.a + ratio * (self.b - self.a)
-        left, right = (tuple(part[i] for part in parts) for i in (0, 1))
-        return (
-            Arcs(self.owner, self.segment, self.a, middle, self.duration, left, self.splits + 1),
-            Arcs(self.owner, self.segment, middle, self.b, self.duration, right, self.splits + 1),
-        )
+        left, right = np.full((2, *self.points.shape), -np.inf)
+        counts, level, slack = np.array(self.counts), self.points, _slack(self.points, axis=2)
+        for j in range(len(level)):  # de Casteljau
+            orders = np.count_nonzero(counts > j)
+            level = _mean(level[:, :orders], r, s, slack[:orders]) if j else level
+            last = counts[:orders] - 1 - j, np.arange(orders)
+            left[j, :orders], right[last] = level[0], level[last]
+        middle, splits = self.a + r * (self.b - self.a), self.splits + 1
+        return replace(self, b=middle, points=left, splits=splits), replace(self, a=middle, points=right, splits=splits)
 
     def interleave(self, other: Arcs) -> Arcs:
         """These arcs and as many others in turn."""
-        return Arcs.join([self, other]).take(np.arange(2 * len(self)).reshape(2, -1).T.ravel())
+        arrays = ((getattr(arcs, name) for arcs in (self, other)) for name in _PER_ARC)
+        owner, segment, a, b, duration, points = (np.stack(list(pair), axis=-1) for pair in arrays)
+        points = points.reshape(*points.shape[:-2], -1)
+        return Arcs(
+            owner.ravel(), segment.ravel(), a.ravel(), b.ravel(), duration.ravel(), points, self.counts, self.splits
+        )
+
+    @property
+    def hodographs(self) -> tuple[Pair, ...]:
+        """Per order, lower and upper control points ``(N, count, dof)``."""
+        bounds = [self.points[:count, order].transpose(1, 3, 0, 2) for order, count in enumerate(self.counts)]
+        return tuple((-negated, upper) for negated, upper in bounds)
+
+    def hulls(self) -> Pair:
+        """Bounds of all derivatives on each arc, below each other, ``(orders dof, N)``."""
+        return _ends(self.points.max(axis=0))
+
+    def ends(self, which: int) -> Pair:
+        """Bounds of all derivatives at the start (0) or end (-1) of each arc, below each other, ``(orders dof, N)``."""
+        return _ends(self.points[0 if which == 0 else np.array(self.counts) - 1, np.arange(len(self.counts))])
 
     def hull(self, order: int) -> Pair:
         """Bounds of one derivative on each arc, ``(dof, N)`` each."""
-        low, high = self.hodographs[order]
-        return low.min(axis=1).T, high.max(axis=1).T
+        return self.only([order]).hulls()
 
     def end(self, order: int, which: int) -> Pair:
         """Bounds of one derivative at the start (0) or end (-1) of each arc, ``(dof, N)``."""
-        low, high = self.hodographs[order]
-        return low[:, which].T, high[:, which].T
+        return self.only([order]).ends(which)
 
     @property
     def slack(self) -> float:
@@ -151,34 +183,42 @@ def _widened(a: Array, b: Array, slack: float) -> Pair:
     return np.maximum(lower, 0.0)[None], np.minimum(upper, 1.0)[None]
 
 
-def _de_casteljau(lower: Array, upper: Array, r: Array, s: Array) -> tuple[Pair, Pair]:
-    """Outward-rounded control points of both parts; r + s = 1, ``(N, 1, 1)``."""
-    left, right = [(lower[:, :1], upper[:, :1])], [(lower[:, -1:], upper[:, -1:])]
-    while lower.shape[1] > 1:
-        lower, upper = _mean(lower, r, s, -1.0), _mean(upper, r, s, 1.0)
-        left.append((lower[:, :1], upper[:, :1]))
-        right.append((lower[:, -1:], upper[:, -1:]))
-    ends = [tuple(np.concatenate([pair[i] for pair in part], axis=1) for i in (0, 1)) for part in (left, right[::-1])]
-    return (ends[0][0], ends[0][1]), (ends[1][0], ends[1][1])
+def _upward(values: Array) -> Array:
+    """The next floats."""
+    return np.nextafter(values, np.inf)
 
 
-def _elevated(points: Array, count: int, outward: float) -> Array:
-    """Bounds on one side of ``count`` control points of the same curves; Farin (2002), sect. 6.1."""
-    while points.shape[1] < count:
-        n = points.shape[1]
-        s = np.arange(1, n)[:, None] / n
-        points = np.concatenate([points[:, :1], _mean(points, 1.0 - s, s, outward), points[:, -1:]], axis=1)
+def _padded(hodographs: Sequence[Array], counts: tuple[int, ...]) -> Array:
+    points = np.full((max(counts), len(counts), *hodographs[0].shape[1:]), -np.inf)
+    for order, bounds in enumerate(hodographs):
+        points[: counts[order], order] = bounds
     return points
 
 
-def _mean(points: Array, r: Array, s: Array, outward: float) -> Array:
-    """Bound of s P_i + r P_{i+1} on one side, and not beyond the farther of the two, where no mean lies."""
-    first, second = points[:, :-1], points[:, 1:]
-    # The products and the sum round by less than 2^-52 of the larger point together, or by one subnormal number; r and
-    # s, where they are not exact, by 2^-53 together.
-    slack = 4e-16 * np.maximum(np.abs(first), np.abs(second))
-    mean = np.nextafter(s * first + r * second + outward * slack, outward * np.inf)
-    return np.minimum(mean, np.maximum(first, second)) if outward > 0.0 else np.maximum(mean, np.minimum(first, second))
+def _ends(bounds: Array) -> Pair:
+    """Lower and upper ends ``(orders dof, N)`` from upper bounds ``(orders, 2, dof, N)`` of the negative and itself."""
+    negated, upper = bounds.swapaxes(0, 1).reshape(2, -1, bounds.shape[-1])
+    return -negated, upper
+
+
+def _slack(points: Array, axis: int) -> Array:
+    """What a mean of control points, or of their means, is rounded by at most.
+
+    The products and the sum round by 2^-52 of the largest |P| together, or by two halves of a subnormal number; r and
+    s, where they are not exact, by 2^-53; adding the slack rounds by 2^-53 and the slack itself by less.
+    """
+    largest = np.minimum(points.max(axis=(0, axis), keepdims=True)[0], np.finfo(float).max)
+    return np.asarray(6e-16 * largest + 2.0**-1070)
+
+
+def _mean(points: Array, r: Array, s: Array, slack: Array) -> Array:
+    """Upper bound of s P_i + r P_{i+1}, and not beyond the larger of the two, where no mean lies."""
+    first, second = points[:-1], points[1:]
+    with np.errstate(over="ignore", invalid="ignore"):
+        mean = s * first
+        mean += r * second
+        mean += slack
+        return np.minimum(mean, np.maximum(first, second), out=mean)
 
 
 def parabola_bound(start: Array, end: Array, curvature: Array, width: Array) -> Array:

@@ -113,14 +113,14 @@ class LimitTapes:
 
     def values(self, arcs: Arcs, which: int, sweep: Array | None = None) -> Pair:
         """Bounds of the values at the start (0) or end (-1) of each arc, and at ``sweep (N,)``."""
-        x = _stack([arcs.end(order, which) for order in range(self.order + 1)], len(ORDERS))
+        x = self._states(arcs.ends(which), self.order + 1, len(ORDERS))
         arguments = self._arguments(arcs, x, arcs.end_time(which), (sweep, sweep))
         bounds, domain = self.value.enclose(*arguments)
         return both_sides(*_where_defined(bounds, domain, arguments))
 
     def curvatures(self, arcs: Arcs, sweep: Pair | tuple[None, None] = (None, None)) -> list[Array]:
         """Upper bounds of -g'' over each arc and part ``(N,)`` of a sweep: along time, and along the sweep."""
-        x = _stack([arcs.hull(order) for order in range(self.order + 3)], len(ORDERS) + 2)
+        x = self._states(arcs.hulls(), self.order + 3, len(ORDERS) + 2)
         with np.errstate(over="ignore"):
             inverse = 1.0 / arcs.duration[None]
         rate = np.nextafter(inverse, -np.inf), np.nextafter(inverse, np.inf)
@@ -128,6 +128,13 @@ class LimitTapes:
         *bends, domain = self.curvature.enclose(*arguments, rate)
         # -g'' of side 0 is at most -(lower end of g''), of side 1 (which is -g) at most its upper end.
         return [np.stack([-low, high]) for low, high in (_where_defined(bend, domain, arguments) for bend in bends)]
+
+    def _states(self, bounds: Pair, known: int, orders: int) -> Pair:
+        """Bounds of the first derivatives, with zeros for those of higher order, which the limit does not read."""
+        dof = self.requirements.dof
+        low, high = (np.zeros((orders * dof, bounds[0].shape[1])) for _ in bounds)
+        low[: known * dof], high[: known * dof] = (end[: known * dof] for end in bounds)
+        return low, high
 
     def _arguments(self, arcs: Arcs, x: Pair, u: Pair, sweep: tuple[Array | None, Array | None]) -> list[Pair]:
         p, arguments = self.parameters[:, arcs.owner], self.requirements.arguments
@@ -163,10 +170,3 @@ def _where_defined(bounds: Pair, conditions: Pair, arguments: Sequence[Pair]) ->
     for numbers, _ in arguments[2:]:
         defined &= np.isfinite(numbers).all(axis=0)
     return np.where(defined, bounds[0], -np.inf), np.where(defined, bounds[1], np.inf)
-
-
-def _stack(derivatives: list[Pair], orders: int) -> Pair:
-    """The derivatives below each other, with zeros for those of higher order, which the limit does not read."""
-    rest = np.zeros(((orders - len(derivatives)) * len(derivatives[0][0]), derivatives[0][0].shape[1]))
-    low, high = (np.concatenate([*(d[i] for d in derivatives), rest]) for i in (0, 1))
-    return low, high

@@ -1,7 +1,7 @@
-"""Encloses one limit over whole trajectories: arcs are bounded, and cut where their bound peaks, until all is decided.
+"""Encloses limits over whole trajectories: arcs are bounded, and cut where their bound peaks, until all is decided.
 
-Limits on a derivative of the joints are bounded by hulls of control points, which are exact enclosures; every other
-limit by the parabola test of ``enclosure`` over boxes of states, with the second derivative enclosed by the
+Limits on a derivative of the joints are bounded by hulls of control points, which are exact enclosures, all together;
+every other limit by the parabola test of ``enclosure`` over boxes of states, with the second derivative enclosed by the
 interval tape, and only where every operation of the limit is proved to be defined.
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import casadi
@@ -33,42 +34,52 @@ BATCH = 4096  # arcs enclosed in one pass: wide enough to amortise a step of the
 
 
 class Prover:
-    """Encloses one limit over all segments of all trajectories.
+    """Encloses one limit, or any number of limits on derivatives, over all segments of all trajectories.
 
-    Values and bounds are kept for both sides, ``(2, rows, N)``; see ``ocp_traj.proof.decision``.
+    Values and bounds are kept for both sides, ``(2, rows, N)``; see ``ocp_traj.proof.decision``. An arc is shared by
+    the limits, each of which takes part until it is decided there.
     """
 
     def __init__(
-        self, trajectories: Sequence[Motion], requirements: Requirements, limit: PathConstraint,
+        self, trajectories: Sequence[Motion], requirements: Requirements, limits: Sequence[PathConstraint],
         allowance: float, tightness: float, max_arcs: int,
     ) -> None:  # fmt: skip
-        self.limit, self.trajectories, self.max_arcs = limit, trajectories, max_arcs
-        self.known = Decision(trajectories, limit, allowance, tightness)
+        limits = sorted(limits, key=lambda limit: limit.order or 0)
+        self.limits, self.trajectories, self.max_arcs = limits, trajectories, max_arcs
+        self.known = Decision(trajectories, limits, allowance, tightness)
         bound = self.known.bound
-        self.size = np.where(np.isfinite(bound) & (bound != 0.0), np.abs(bound), limit.scale)[..., None]
+        self.size = np.where(np.isfinite(bound) & (bound != 0.0), np.abs(bound), self.known.scale)[..., None]
         # No bound can be below: the largest value's own upper bound.
         self.floor = np.full_like(self.known.attained, -np.inf)
-        order = limit.order
-        if order is None:
-            self.tapes = LimitTapes(trajectories, requirements, limit)
-        else:
-            requirements.compiled(limit, "is derivative", lambda: _require_derivative(requirements, limit, order))
+        self.orders = [limit.order for limit in limits if limit.order is not None]
+        if not self.orders:
+            self.tapes = LimitTapes(trajectories, requirements, limits[0])
+        for limit in limits:
+            if limit.order is not None:
+                check = partial(_require_derivative, requirements, limit, limit.order)
+                requirements.compiled(limit, "is derivative", check)
 
     def run(self) -> list[list[AuditRow]]:
-        """One row a row of the limit, for each trajectory."""
-        self._prove(self._arcs())
+        """One row a row of the limits, for each trajectory."""
+        arcs = self._arcs()
+        self._prove(arcs, np.array([[limit.holds_on(k) for k in arcs.segment] for limit in self.limits]))
         return [self.known.rows(index) for index in range(len(self.trajectories))]
 
     def _arcs(self) -> Arcs:
         """All segments of all trajectories."""
-        orders = self.limit.order if self.limit.order is not None else self.tapes.order + 2
+        orders = max(self.orders) if self.orders else self.tapes.order + 2
+        for limit in self.limits:
+            if not any(limit.holds_on(k) for t in self.trajectories for k in range(t.curve.segments)):
+                raise ProblemDefinitionError(
+                    f"limit {limit.id!r} is for the segments {limit.segments}; the trajectories have none of them"
+                )
         parts = []
         for degree in sorted({n for t in self.trajectories for n in t.curve.degrees}):
             members = [
                 (i, k, t.curve.control_points[k], t.curve.durations[k])
                 for i, t in enumerate(self.trajectories)
                 for k, n in enumerate(t.curve.degrees)
-                if n == degree and self.limit.holds_on(k)
+                if n == degree and any(limit.holds_on(k) for limit in self.limits)
             ]
             if not members:
                 continue
@@ -76,14 +87,16 @@ class Prover:
             parts.append(Arcs.of_segments(owner, segment, points, duration, orders))
         arcs = Arcs.join(parts)
         arcs = arcs.take(np.lexsort((arcs.segment, arcs.owner)))  # every array of arcs is in the order of its owners
-        while self.limit.order is None and len(arcs) < FIRST:
+        if self.orders:
+            return arcs.only(self.orders)
+        while len(arcs) < FIRST:
             left, right = arcs.split(np.full(len(arcs), 0.5))
             arcs = left.interleave(right)
         return arcs
 
-    def _prove(self, arcs: Arcs) -> None:
-        known, start, end = self.known, self._values(arcs, 0), self._values(arcs, -1)
-        pending = [_Batch(arcs, start, end, np.full_like(start[1], np.inf))]
+    def _prove(self, arcs: Arcs, concerns: NDArray[np.bool_]) -> None:
+        known, values = self.known, [self._values(arcs, which, concerns) for which in (0, -1)]
+        pending = [_Batch(arcs, values[0], values[1], np.full_like(values[0][1], np.inf), concerns)]
         while pending:
             batch = pending.pop()
             if len(batch.arcs) > BATCH:
@@ -91,23 +104,26 @@ class Prover:
                 continue
             owner = batch.arcs.owner
             bound, cut = self._enclose(batch)
-            still_open = self._open(batch, bound)
-            known.boxes += np.bincount(owner, minlength=len(known.boxes))
-            keep = still_open.any(axis=(0, 1)) & (known.boxes[owner] < self.max_arcs)
-            keep &= batch.arcs.splits < MAX_SPLITS
-            known.close(owner[~keep], bound[..., ~keep])
+            still_open = self._open(batch, bound) & batch.concerns[known.limit_of]
+            for boxes, concerned in zip(known.boxes, batch.concerns, strict=True):
+                boxes += np.bincount(owner[concerned], minlength=len(boxes))
+            concerns = np.stack([still_open[:, known.limit_of == k].any(axis=(0, 1)) for k in range(len(self.limits))])
+            concerns &= (known.boxes[:, owner] < self.max_arcs) & (batch.arcs.splits < MAX_SPLITS)
+            known.close(owner, np.where((batch.concerns & ~concerns)[known.limit_of], bound, -np.inf))
+            keep = concerns.any(axis=0)
             if not keep.any():
                 continue
             rest = batch.take(keep)
-            rest.bound = bound[..., keep]
+            rest.bound, rest.concerns = bound[..., keep], concerns[:, keep]
             rest = self._split(rest, self._where(bound, cut, still_open)[keep])
             pending.append(self._split(rest, 0.5) if len(rest.arcs) <= FEW else rest)
 
     def _split(self, batch: _Batch, at: Array | float) -> _Batch:
         left, right = batch.arcs.split(np.broadcast_to(at, len(batch.arcs)))
-        middle = self._values(left, -1)
+        middle = self._values(left, -1, batch.concerns)
         start, end = _alternate(batch.start, middle), _alternate(middle, batch.end)
-        return _Batch(left.interleave(right), start, end, np.repeat(batch.bound, 2, axis=-1))
+        bound, concerns = np.repeat(batch.bound, 2, axis=-1), np.repeat(batch.concerns, 2, axis=-1)
+        return _Batch(left.interleave(right), start, end, bound, concerns)
 
     def _open(self, batch: _Batch, bound: Array) -> NDArray[np.bool_]:
         """Which sides, rows and arcs to cut; not those whose bound cannot be told from a value found so far."""
@@ -129,33 +145,35 @@ class Prover:
 
     def _enclose(self, batch: _Batch) -> tuple[Array, Array]:
         """Bounds of both sides over each arc, and where to cut it."""
-        if self.limit.order is not None:
-            bound = both_sides(*batch.arcs.hull(self.limit.order))[1]
+        if self.orders:
+            bound = both_sides(*batch.arcs.hulls())[1]
             return np.minimum(np.where(np.isnan(bound), np.inf, bound), batch.bound), np.full(bound.shape, 0.5)
         ends = batch.start[1], batch.end[1], self.tapes.curvatures(batch.arcs)[0], batch.arcs.width()
         return np.minimum(parabola_bound(*ends), batch.bound), peak_fraction(*ends)
 
-    def _values(self, arcs: Arcs, which: int) -> Pair:
-        """Bounds of both sides' values at one end of each arc, of which note is taken."""
-        order = self.limit.order
-        low, high = both_sides(*arcs.end(order, which)) if order is not None else self.tapes.values(arcs, which)
-        self.known.attain(arcs.owner, low, arcs.segment, arcs.a if which == 0 else arcs.b)
+    def _values(self, arcs: Arcs, which: int, concerns: NDArray[np.bool_]) -> Pair:
+        """Bounds of both sides' values at one end of each arc, of which note is taken where they concern a limit."""
+        low, high = both_sides(*arcs.ends(which)) if self.orders else self.tapes.values(arcs, which)
+        lower, upper = (np.where(concerns[self.known.limit_of], end, -np.inf) for end in (low, high))
+        self.known.attain(arcs.owner, lower, arcs.segment, arcs.a if which == 0 else arcs.b)
         owners, first = np.unique(arcs.owner, return_index=True)
-        self.floor[..., owners] = np.maximum(self.floor[..., owners], np.maximum.reduceat(high, first, axis=-1))
+        self.floor[..., owners] = np.maximum(self.floor[..., owners], np.maximum.reduceat(upper, first, axis=-1))
         return low, high
 
 
 @dataclass
 class _Batch:
-    """Arcs with what is known of them: values at both ends, ``(2, rows, N)`` to an end, and a bound."""
+    """Arcs with what is known of them: values at both ends, ``(2, rows, N)`` each, a bound, and whom they concern."""
 
     arcs: Arcs
     start: Pair
     end: Pair
     bound: Array
+    concerns: NDArray[np.bool_]
 
     def take(self, which: Any) -> _Batch:
-        return _Batch(self.arcs.take(which), _take(self.start, which), _take(self.end, which), self.bound[..., which])
+        start, end = _take(self.start, which), _take(self.end, which)
+        return _Batch(self.arcs.take(which), start, end, self.bound[..., which], self.concerns[:, which])
 
 
 def _take(pair: Pair, which: Any) -> Pair:

@@ -47,12 +47,13 @@ class SweptProver:
     """Encloses one swept limit over all segments of all trajectories; see ``ocp_traj.proof.prover.Prover``."""
 
     def __init__(
-        self, trajectories: Sequence[Motion], requirements: Requirements, limit: PathConstraint,
+        self, trajectories: Sequence[Motion], requirements: Requirements, limits: Sequence[PathConstraint],
         allowance: float, tightness: float, max_arcs: int,
     ) -> None:  # fmt: skip
+        (limit,) = limits
         self.trajectories, self.limit, self.max_arcs = trajectories, limit, max_arcs
         self.tapes = LimitTapes(trajectories, requirements, limit)
-        self.known = Decision(trajectories, limit, allowance, max(tightness, RESOLUTION))
+        self.known = Decision(trajectories, [limit], allowance, max(tightness, RESOLUTION))
 
     def run(self) -> list[list[AuditRow]]:
         """One row a row of the limit, for each trajectory."""
@@ -65,8 +66,10 @@ class SweptProver:
         while pending:
             part = pending.pop()
             bound, still_open, cut_time, at, at_sweep = self._enclose(part)
-            known.boxes[index] += len(part.low)
-            keep = still_open.any(axis=(0, 1)) & (known.boxes[index] < self.max_arcs) & (part.arcs.splits < MAX_SPLITS)
+            known.boxes[0, index] += len(part.low)
+            keep = (
+                still_open.any(axis=(0, 1)) & (known.boxes[0, index] < self.max_arcs) & (part.arcs.splits < MAX_SPLITS)
+            )
             keep &= (part.cuts < MAX_CUTS) | cut_time
             known.close(part.arcs.owner[~keep], bound[..., ~keep])
             if keep.any():
@@ -105,8 +108,7 @@ class SweptProver:
             middle = chosen.low + at_sweep[~time] * (chosen.high - chosen.low)
             pieces.append(_Rectangles(chosen.arcs, chosen.low, middle, chosen.cuts + 1))
             pieces.append(_Rectangles(chosen.arcs, middle, chosen.high, chosen.cuts + 1))
-        splits = max(piece.arcs.splits for piece in pieces)
-        arcs = Arcs.join([_as_often(piece.arcs, splits) for piece in pieces])
+        arcs = Arcs.join([piece.arcs for piece in pieces])
         low, high, cuts = (np.concatenate([getattr(p, name) for p in pieces]) for name in ("low", "high", "cuts"))
         return _Rectangles(arcs, low, high, cuts)
 
@@ -141,8 +143,3 @@ class SweptProver:
         at = peak_fraction(start, end, of(c_time), width)
         at_sweep = peak_fraction(of(edges["low"]), of(edges["high"]), of(c_sweep), along)
         return bound, still_open, time, at, at_sweep
-
-
-def _as_often(arcs: Arcs, splits: int) -> Arcs:
-    """The same arcs, recorded as cut ``splits`` times: the bound on their ends' rounding only grows."""
-    return Arcs(arcs.owner, arcs.segment, arcs.a, arcs.b, arcs.duration, arcs.hodographs, splits)

@@ -42,7 +42,8 @@ def no_worse_than(
     value, excess = value_of(problem, scalarisation, objectives)
     if not (np.isfinite(value) and excess <= 0.0):
         return solution
-    proved = solution.ok if solution.audit is None else solution.audit.proved  # without an audit: proved later
+    later = solution.ok and bool(solution.objectives)  # without an audit: it is proved later
+    proved = later if solution.audit is None else solution.audit.proved
     if proved:
         ended, _ = value_of(problem, scalarisation, solution.objectives)
         if not value < ended - BETTER * abs(ended):

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from ocp_traj.curves.bernstein import derivative_basis, difference_matrix
 from ocp_traj.formulation.problem import Problem
-from ocp_traj.transcription.instant_values import BySegment, Curvature, lines, moved_places
+from ocp_traj.transcription.hessian_sum import HessianSum
+from ocp_traj.transcription.instant_values import BySegment, lines, moved_places
 from ocp_traj.transcription.instants import Instant
 from ocp_traj.transcription.shape import ShapeAt, shape_of
 
@@ -37,7 +38,7 @@ class DerivativeValues(BySegment):
         self.order, self.joint = (np.array([e[i] for e in entries], dtype=np.intp) for i in (0, 1))
         instants = [instant for _, _, instant in entries]
         self.segments = np.array([i.segment for i in instants], dtype=np.intp)
-        self.u, self.slopes = lines(self.shape, self.segments, [(i.u, i.slope, i.anchor) for i in instants])
+        self.u, self.slopes = lines(self.shape, instants, [(i.u, i.slope) for i in instants])
         self._control = np.array([-1 if i.control is None else i.control for i in instants], dtype=np.intp)
 
     def depends(self) -> NDArray[np.bool_]:
@@ -66,10 +67,11 @@ class DerivativeValues(BySegment):
             basis = derivative_basis(degree, u[here], int(self.order[here].max()) + more)
             for extra in range(more + 1):
                 found[here, extra, : degree + 1] = basis[np.arange(len(here)), self.order[here] + extra]
-        for j in np.nonzero(self._control >= 0)[0].tolist():
-            degree = int(degrees[j])
-            found[j] = 0.0
-            found[j, 0, : degree + 1] = difference_matrix(degree, int(self.order[j]))[self._control[j]]
+        hull = self._control >= 0
+        found[hull] = 0.0
+        for degree, order in set(zip(degrees[hull].tolist(), self.order[hull].tolist(), strict=True)):
+            here = np.nonzero(hull & (degrees == degree) & (self.order == order))[0]
+            found[here, 0, : degree + 1] = difference_matrix(degree, order)[self._control[here]]
         return found
 
 
@@ -90,8 +92,8 @@ class DerivativeValuesAt:
         self._points = shape.points[segments, :, of.joint]  # (N, most + 1)
         self._derivatives = (self._weights @ self._points[:, :, None])[:, :, 0]  # (N, 1 or 3)
         self._duration = shape.durations[segments]
-        self._factor = self._duration ** -of.order.astype(float)
-        self.values = (self._derivatives[:, 0] * self._factor)[:, None]
+        self._factor: Array = self._duration ** -of.order.astype(float)
+        self.values: Array = (self._derivatives[:, 0] * self._factor)[:, None]
 
     @cached_property
     def _parts(self) -> tuple[Array, Array]:
@@ -106,31 +108,31 @@ class DerivativeValuesAt:
     @property
     def _of_duration(self) -> Array:
         """dV/dT at fixed D^m ``(N,)``."""
-        return -self.of.order * self.values[:, 0] / self._duration
+        return np.asarray(-self.of.order * self.values[:, 0] / self._duration)
 
     @cached_property
     def slopes(self) -> Array:
         """Derivatives of the values in the segment's variables ``(N, 1, m)``."""
         derivative, duration = self._parts
-        return (self._factor[:, None] * derivative + self._of_duration[:, None] * duration)[:, None]
+        return np.asarray(self._factor[:, None] * derivative + self._of_duration[:, None] * duration)[:, None]
 
-    def curvature(self, weights: Array) -> Curvature:
-        """Second derivatives of the sum of the values times weights ``(N, 1)``."""
+    def add_curvature(self, total: HessianSum, weights: Array) -> None:
+        """Adds the second derivatives of the sum of the values times weights ``(N, 1)``."""
         of, shape, weight = self.of, self._shape, weights[:, 0]
         derivative, duration = self._parts
         order, factor = of.order, self._factor * weight
         cross = -order * factor / self._duration
         twice = order * (order + 1) * self._derivatives[:, 0] * factor / self._duration**2
-        # Of a symmetric sum a half, to which its mirror is added.
-        left = cross[:, None] * derivative + 0.5 * twice[:, None] * duration
-        half = left[:, :, None] * duration[:, None, :]
+        # Of a symmetric sum a half, to which its mirror is added; a segment's instants share its duration.
+        left = np.zeros(shape.slopes[1].shape)
+        of.add_by_segment(left, cross[:, None] * derivative + 0.5 * twice[:, None] * duration)
+        half = left[:, :, None] * shape.slopes[1][:, None, :]
         if self._slopes is not None:
             points = shape.slopes[0][of.segments, :, of.joint]
             a = (self._weights[:, None, 1] @ points)[:, 0] + 0.5 * self._derivatives[:, 2:] * self._slopes
-            half += (factor[:, None] * a)[:, :, None] * self._slopes[:, None, :]
-        points, durations, parameters = (np.zeros_like(v) for v in (shape.points, shape.durations, shape.parameters))
-        spread = np.zeros((len(weight), points.shape[1], of.shape.dof))
+            of.add_products(half, (factor[:, None] * a)[:, None], self._slopes[:, None])
+        total.local += half + np.swapaxes(half, 1, 2)
+        spread = np.zeros((len(weight), total.points.shape[1], of.shape.dof))
         spread[np.arange(len(weight)), :, of.joint] = factor[:, None] * self._weights[:, 0]
-        of.add_by_segment(points, spread)
-        of.add_by_segment(durations, weight * self._of_duration)
-        return Curvature(half + np.swapaxes(half, 1, 2), points, durations, parameters)
+        of.add_by_segment(total.points, spread)
+        of.add_by_segment(total.durations, weight * self._of_duration)

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ocp_traj.transcription.derivative_values import DerivativeValuesAt
-from ocp_traj.transcription.instant_values import InstantValuesAt
+from ocp_traj.arrays import Array, Index
 from ocp_traj.transcription.shape import ShapeAt
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class HessianSum:
-    """A Hessian while it is summed: by segment, of the curve's bend, and nonzero by nonzero."""
+    """The Hessian of a weighted sum of functions of a curve, while it is summed.
+
+    Attributes:
+        local: in the variables of each segment, the curve's own bend left out ``(K, m, m)``.
+        points, durations, parameters: weights of the curve's bend ``(K, most + 1, dof)``, ``(K,)``, ``(K, n_p)``.
+        nonzeros: what is known nonzero by nonzero.
+    """
 
     def __init__(self, at: ShapeAt, nonzeros: int) -> None:
+        """Begins with zero."""
         segments, width = at.shape.columns.shape
         self.local = np.zeros((segments, width, width))
         self.points, self.durations, self.parameters = (
@@ -24,13 +26,11 @@ class HessianSum:
         )
         self.nonzeros = np.zeros(nonzeros)
 
-    def add(self, values: InstantValuesAt | DerivativeValuesAt, weights: Array) -> None:
-        """Adds the second derivatives of values at instants times weights ``(N, rows)``."""
-        found = values.curvature(weights)
-        values.of.add_by_segment(self.local, found.local)
-        self.points += found.points
-        self.durations += found.durations
-        self.parameters += found.parameters
+
+def distinct(keys: Index) -> Index:
+    """The keys >= 0 ``(N,)`` in order, each once; NumPy's own way by a hash is slow where keys are spread evenly."""
+    ordered = np.sort(keys)
+    return ordered[np.flatnonzero((ordered >= 0) & (np.diff(ordered, prepend=-1) != 0))]
 
 
 def gathered(places: Index, values: Array, size: int) -> Array:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.transcription.derivative_values import DerivativeValues
-from ocp_traj.transcription.hessian_sum import HessianSum, gathered
+from ocp_traj.transcription.hessian_sum import HessianSum, distinct, gathered
 from ocp_traj.transcription.instant_values import InstantValues
 from ocp_traj.transcription.objective_parts import Integral, OfVariables
 from ocp_traj.transcription.program import Symbols
@@ -67,8 +67,7 @@ class _Pattern:
         pairs = [blocks, bend, *(i.pairs() for i in self.integrals.values())]
         pairs += [f.triplet for f in self.functions.values()]
         keys = [_upper_keys(p, n) for p in pairs]
-        together = np.concatenate(keys)
-        self.keys = np.unique(together[together >= 0])
+        self.keys = distinct(np.concatenate(keys))
         places = [np.where(k >= 0, np.searchsorted(self.keys, k), -1) for k in keys]
         # Of a segment's symmetric block the entries below the diagonal are those above it once more.
         below = blocks[:, 0] > blocks[:, 1]
@@ -125,8 +124,7 @@ class InstantProgram:
         keys.append((self._first_step + sigma) * self.rows + row)
         last = np.arange(count, self.rows)
         keys.append((np.arange(self.size)[:, None] * self.rows + last).ravel())
-        together = np.concatenate(keys)
-        known = np.unique(together[together >= 0])
+        known = distinct(np.concatenate(keys))
         places = [np.where(k >= 0, np.searchsorted(known, k), -1) for k in keys]
         self._places, self._constant = places[: len(rows)], gathered(places[-2], factor, len(known))
         self._coupling = coupling
@@ -187,7 +185,7 @@ class InstantProgram:
         for part, values in zip(self._parts, here.parts, strict=True):
             weights = np.zeros_like(values.values)
             np.add.at(weights, (part.instant, part.entry), multipliers[part.row] * part.factor)
-            total.add(values, weights)
+            values.add_curvature(total, weights)
         outer = np.concatenate([[factor], multipliers[self._count :]])
         weighed = dict(zip(self._scalar.names, outer @ here.scalar_slope, strict=False))
         for name, integral in pattern.integrals.items():

@@ -19,30 +19,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ocp_traj.curves.bernstein import derivative_basis, difference_matrix
+from ocp_traj.curves.bernstein import derivative_basis
 from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS
+from ocp_traj.transcription.hessian_sum import HessianSum
 from ocp_traj.transcription.instants import Instant
 from ocp_traj.transcription.kernel import Kernel, limit_kernel
 from ocp_traj.transcription.shape import Shape, ShapeAt, shape_of
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-
-class Curvature(NamedTuple):
-    """Second derivatives of a weighted sum of values.
-
-    Attributes:
-        local: Hessian of each instant in the variables of its segment, the curve's bend left out, ``(N, m, m)``.
-        points, durations, parameters: weights of the curve's bend ``(K, most + 1, dof)``, ``(K,)``, ``(K, n_p)``.
-    """
-
-    local: Array
-    points: Array
-    durations: Array
-    parameters: Array
 
 
 class Peak(NamedTuple):
@@ -84,6 +71,23 @@ class BySegment:
         if len(order):
             total[segments] += np.add.reduceat(values[order], starts)
 
+    def add_products(self, total: Array, left: Array, right: Array) -> None:
+        """Adds left^T right of the instants ``(N, a, m)`` each, to the sums of their segments ``(K, m, m)``."""
+        order, starts, segments = self._runs
+        if not len(order):
+            return
+        counts = np.diff(np.append(starts, len(order)))
+        most = int(counts.max())
+        if (counts == most).all():
+            some = order.reshape(len(segments), most)
+            a, b = left[some], right[some]
+        else:  # segments with fewer instants get some of no weight
+            inside = np.arange(most) < counts[:, None]
+            some = order[np.minimum(starts[:, None] + np.arange(most), len(order) - 1)]
+            a, b = np.where(inside[:, :, None, None], left[some], 0.0), right[some]
+        shape = (len(segments), most * left.shape[1], left.shape[2])
+        total[segments] += np.swapaxes(a.reshape(shape), 1, 2) @ b.reshape(shape)
+
 
 class InstantValues(BySegment):
     """A function at instants.
@@ -102,9 +106,8 @@ class InstantValues(BySegment):
     def __init__(
         self, shape: Shape, kernel: Kernel, segments: Index, u: Array, sweep: Array | None = None,
         slopes: Array | None = None, sweep_slopes: Array | None = None, constants: Array | None = None,
-        control: Index | None = None,
     ) -> None:  # fmt: skip
-        self.shape, self.kernel, self.control = shape, kernel, control
+        self.shape, self.kernel = shape, kernel
         self.segments = segments
         self.u, self.sweep, self.slopes, self.sweep_slopes = u, sweep, slopes, sweep_slopes
         self.constants = np.zeros((len(self.segments), 0)) if constants is None else constants
@@ -117,13 +120,11 @@ class InstantValues(BySegment):
         segments = np.array([instant.segment for instant in instants], dtype=np.intp)
         limit = next((c for c in problem.requirements.path_constraints if c.id == name), None)
         table = None if limit is None else limit.constants
-        u, slopes = lines(shape, segments, [(i.u, i.slope, i.anchor) for i in instants])
-        along, sweep_slopes = lines(shape, segments, [(i.sweep, i.sweep_slope, i.anchor) for i in instants])
-        hull = any(i.control is not None for i in instants)
+        u, slopes = lines(shape, instants, [(i.u, i.slope) for i in instants])
+        along, sweep_slopes = lines(shape, instants, [(i.sweep, i.sweep_slope) for i in instants])
         return cls(
             shape, kernel, segments, u, along if limit is not None and limit.sweep else None, slopes, sweep_slopes,
             None if table is None else table[segments],
-            np.array([i.control for i in instants], dtype=np.intp) if hull else None,
         )  # fmt: skip
 
     def depends(self) -> NDArray[np.bool_]:
@@ -159,12 +160,7 @@ class InstantValues(BySegment):
         """What takes control points to derivatives in local time of order 0 .. ``top``: ``(N, top + 1, most + 1)``."""
         found = np.zeros((len(u), top + 1, int(self.shape.degrees.max()) + 1))
         for degree, here in self._by_degree:
-            if self.control is None:
-                found[here, :, : degree + 1] = derivative_basis(degree, u[here], top)
-                continue
-            for order in range(min(top, degree) + 1):
-                rows = np.minimum(self.control[here], degree - order)
-                found[here, order, : degree + 1] = difference_matrix(degree, order)[rows]
+            found[here, :, : degree + 1] = derivative_basis(degree, u[here], top)
         return found
 
 
@@ -253,26 +249,23 @@ class InstantValuesAt:
         """Derivatives of the values in the segment's variables ``(N, rows, m)``."""
         return self.of.kernel.first(self._arguments) @ self._whole
 
-    def curvature(self, weights: Array) -> Curvature:
-        """Second derivatives of the sum of the values times weights ``(N, rows)``."""
-        kernel, shape = self.of.kernel, self.shape
+    def add_curvature(self, total: HessianSum, weights: Array) -> None:
+        """Adds the second derivatives of the sum of the values times weights ``(N, rows)``."""
+        of, kernel = self.of, self.of.kernel
         gradient, bend = kernel.second(self._arguments, weights)
-        whole = self._whole
-        local = np.swapaxes(whole, 1, 2) @ (bend @ whole)
+        of.add_products(total.local, self._whole, bend @ self._whole)
         if self._u_slopes is not None:
             a, c = self._raised(gradient)
-            sides = a[:, :, None] * self._u_slopes[:, None, :]
-            local += sides + np.swapaxes(sides, 1, 2)
-            local += c[:, None, None] * self._u_slopes[:, :, None] * self._u_slopes[:, None, :]
-        points, durations, parameters = (np.zeros_like(v) for v in (shape.points, shape.durations, shape.parameters))
+            sides = np.zeros_like(total.local)
+            of.add_products(sides, (a + 0.5 * c[:, None] * self._u_slopes)[:, None], self._u_slopes[:, None])
+            total.local += sides + np.swapaxes(sides, 1, 2)
         if kernel.orders:
-            of_states = self._of_states(gradient)
-            self.of.add_by_segment(points, np.swapaxes(self._basis[:, kernel.orders], 1, 2) @ of_states)
+            spread = np.swapaxes(self._basis[:, kernel.orders], 1, 2) @ self._of_states(gradient)
+            of.add_by_segment(total.points, spread)
         if kernel.duration.stop > kernel.duration.start:
-            self.of.add_by_segment(durations, gradient[:, kernel.duration.start])
+            of.add_by_segment(total.durations, gradient[:, kernel.duration.start])
         if kernel.parameters.stop > kernel.parameters.start:
-            self.of.add_by_segment(parameters, gradient[:, kernel.parameters])
-        return Curvature(local, points, durations, parameters)
+            of.add_by_segment(total.parameters, gradient[:, kernel.parameters])
 
     def _of_states(self, gradient: Array) -> Array:
         """The part of a gradient in Z that belongs to derivatives of the joints ``(N, orders, dof)``."""
@@ -319,19 +312,22 @@ def moved_places(start: Array, slopes: Array | None, local: Array) -> tuple[Arra
 
 
 def lines(
-    shape: Shape, segments: NDArray[np.intp], places: Sequence[tuple[float, Array | None, Array | None]]
+    shape: Shape, instants: Sequence[Instant], places: Sequence[tuple[float, Array | None]]
 ) -> tuple[Array, Array | None]:
-    """Places at x = 0 ``(N,)`` and their slopes in the segments' variables, None where none has any."""
-    start = np.array([place for place, _, _ in places], dtype=float)
-    if all(slope is None or anchor is None for _, slope, anchor in places):
+    """Places of instants at x = 0 ``(N,)`` and their slopes in the segments' variables, None where none has any."""
+    start = np.array([place for place, _ in places], dtype=float)
+    if all(slope is None or i.anchor is None for i, (_, slope) in zip(instants, places, strict=True)):
         return start, None
-    slopes = np.zeros((len(places), shape.columns.shape[1]))
-    for j, (_, slope, anchor) in enumerate(places):
-        if slope is not None and anchor is not None:
-            slopes[j] = np.append(slope, 0.0)[shape.columns[segments[j]]]
-            if np.count_nonzero(slopes[j]) < np.count_nonzero(slope):
+    slopes, anchors = np.zeros((2, len(places), shape.columns.shape[1]))
+    for j, (instant, (_, slope)) in enumerate(zip(instants, places, strict=True)):
+        if slope is not None and instant.anchor is not None:
+            used = np.flatnonzero(slope)
+            own, columns = shape.columns[instant.segment], used if instant.columns is None else instant.columns[used]
+            at = np.searchsorted(own[own < shape.size], columns)
+            if not np.isin(columns, own).all():
                 raise ProblemDefinitionError(
-                    f"an instant on segment {segments[j]} moves with variables that the segment does not depend on"
+                    f"an instant on segment {instant.segment} moves with variables that the segment does not depend on"
                 )
-            start[j] -= float(slopes[j] @ np.append(anchor, 0.0)[shape.columns[segments[j]]])
+            slopes[j, at], anchors[j, at] = slope[used], instant.anchor[used]
+            start[j] -= float(slopes[j] @ anchors[j])
     return start, slopes

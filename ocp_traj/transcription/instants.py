@@ -31,6 +31,7 @@ class Instant:
         rows: indices of the limit's rows, None for all.
         slope: s ``(n,)``, or None for an instant that stays.
         anchor: x_0 ``(n,)``.
+        columns: the variables that slopes and anchor are given for, in order, where not for all ``n``.
         sweep: of a swept limit, s_0.
         sweep_slope: of s, like ``slope``.
         control: of a limit on a derivative, the control point of that derivative on the segment which is held within
@@ -46,6 +47,7 @@ class Instant:
     sweep: float = 0.0
     sweep_slope: Array | None = None
     control: int | None = None
+    columns: NDArray[np.intp] | None = None
 
     @property
     def moves(self) -> bool:
@@ -56,17 +58,20 @@ class Instant:
 def few_instants(problem: Problem) -> tuple[Instant, ...]:
     """The first grid of constraint exchange: degree/2 + 1 instants a segment, at least 3, or as the problem has it.
 
-    A limit on a derivative that is constant, or linear, on its segments gets the 1 or 2 instants that are exact.
+    A limit on a derivative that is constant, or linear, on its segments gets the 1 or 2 instants that are exact; one
+    that the problem wants hull rows for, the control points of its derivative.
     """
     degree = degrees(problem)
-    wanted = problem.tuning.instants
+    wanted, hull = problem.tuning.instants, problem.tuning.hull_rows
 
     def places(k: int, limit: PathConstraint) -> Sequence[float]:
+        if limit.id in hull:
+            return _even(max(degree[k] - (limit.order or 0), 0) + 1)
         if isinstance(wanted, Mapping):
             return wanted.get(limit.id, ())
         return _even(_count(degree[k], limit, wanted))
 
-    return tuple(_grid(problem, places))
+    return tuple(_grid(problem, places, hull))
 
 
 def uniform_instants(problem: Problem, per_segment: int) -> tuple[Instant, ...]:
@@ -86,16 +91,18 @@ def _count(degree: int, limit: PathConstraint, wanted: int | None) -> int:
     return left + 1 if left < 2 else few
 
 
-def _grid(problem: Problem, places: Callable[[int, PathConstraint], Sequence[float]]) -> Iterable[Instant]:
+def _grid(
+    problem: Problem, places: Callable[[int, PathConstraint], Sequence[float]], hull: Sequence[str] = ()
+) -> Iterable[Instant]:
     segments = len(degrees(problem))
     for limit in problem.requirements.path_constraints:
         shared = problem.requirements.continuous(limit)
         for k in filter(limit.holds_on, range(segments)):
-            for u in places(k, limit):
+            for i, u in enumerate(places(k, limit)):
                 if not (shared and u == 1.0 and k < segments - 1):
-                    yield from (
-                        Instant(limit.id, k, float(u), sweep=s) for s in (FEW_SWEEPS if limit.sweep else (0.0,))
-                    )
+                    control = i if limit.id in hull else None
+                    for sweep in FEW_SWEEPS if limit.sweep else (0.0,):
+                        yield Instant(limit.id, k, float(u), sweep=sweep, control=control)
 
 
 def step_nodes(problem: Problem, objective: Objective, row: int, instants: Sequence[Instant]) -> list[Instant]:
@@ -111,16 +118,19 @@ def step_nodes(problem: Problem, objective: Objective, row: int, instants: Seque
 
 def where(instant: Instant, x: Array) -> float:
     """Local time of an instant at x."""
-    return _moved(instant.u, instant.slope, instant.anchor, x)
+    return _moved(instant, instant.u, instant.slope, x)
 
 
 def along(instant: Instant, x: Array) -> float:
     """Place along the sweep of an instant at x."""
-    return _moved(instant.sweep, instant.sweep_slope, instant.anchor, x)
+    return _moved(instant, instant.sweep, instant.sweep_slope, x)
 
 
-def _moved(start: float, slope: Array | None, anchor: Array | None, x: Array) -> float:
-    return start if slope is None or anchor is None else float(np.clip(start + slope @ (x - anchor), 0.0, 1.0))
+def _moved(instant: Instant, start: float, slope: Array | None, x: Array) -> float:
+    if slope is None or instant.anchor is None:
+        return start
+    own = x if instant.columns is None else x[instant.columns]
+    return float(np.clip(start + slope @ (own - instant.anchor), 0.0, 1.0))
 
 
 def frozen(instant: Instant, x: Array) -> Instant:

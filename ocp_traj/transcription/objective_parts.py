@@ -26,25 +26,28 @@ class Integral:
         nodes, self.weights = quadrature(problem, objective)
         self.values = InstantValues.of(problem, objective.id, [Instant(objective.id, k, u) for k, u in nodes])
         shape = self.values.shape
-        durations = shape.depends[:, shape.dof]  # (K, m)
-        touched = self.weights != 0.0
-        some = [np.unique(shape.columns[here][durations[here]]) for here in touched]
-        width = max((len(s) for s in some), default=0)
-        self.columns = np.full((len(nodes), width), shape.size, dtype=np.intp)  # of the durations of each node
-        for j, s in enumerate(some):
-            self.columns[j, : len(s)] = s
+        # The variables of each duration come first in its row; those left over are padding.
+        moves = shape.depends[:, shape.dof]  # (K, m)
+        self._first = np.argsort(~moves, axis=1, kind="stable")[:, : int(moves.sum(axis=1).max(initial=0))]
+        self._columns = np.where(
+            np.take_along_axis(moves, self._first, axis=1), np.take_along_axis(shape.columns, self._first, axis=1),
+            shape.size,
+        )  # fmt: skip
+        # A node's gradient meets the durations of the segments that share it: pairs (segment of the node, segment).
+        self._node, duration = self.weights.nonzero()
+        pairs, self._pair = np.unique(
+            np.stack([self.values.segments[self._node], duration], axis=1), axis=0, return_inverse=True
+        )
+        self._left, self._right = pairs.T
 
     def pairs(self) -> Index:
         """Places in the Hessian of gradient times slope of durations: (i, j) ``(P, 2)``."""
-        left = np.broadcast_to(self._rows()[:, :, None], self._outer())
-        right = np.broadcast_to(self.columns[:, None, :], self._outer())
+        left, right = np.broadcast_arrays(*self._outer())
         return np.stack([left.ravel(), right.ravel()], axis=1)
 
-    def _rows(self) -> Index:
-        return self.values.shape.columns[self.values.segments]
-
-    def _outer(self) -> tuple[int, int, int]:
-        return (*self._rows().shape, self.columns.shape[1])
+    def _outer(self) -> tuple[Index, Index]:
+        """Variables of the node's segment and of the duration, a pair of segments each, to be broadcast."""
+        return self.values.shape.columns[self._left][:, :, None], self._columns[self._right][:, None, :]
 
     def value(self, at: ShapeAt, values: InstantValuesAt) -> float:
         """The integral."""
@@ -54,24 +57,22 @@ class Integral:
         """In the variables ``(n,)``."""
         found = np.zeros(at.shape.size + 1)
         shares = self.weights @ at.durations
-        np.add.at(found, self._rows(), shares[:, None] * values.slopes[:, 0])
+        np.add.at(found, at.shape.columns[self.values.segments], shares[:, None] * values.slopes[:, 0])
         of_durations = self.weights.T @ values.values[:, 0]
         np.add.at(found, at.shape.columns, of_durations[:, None] * at.slopes[1])
         return found[:-1]
 
     def add(self, total: HessianSum, at: ShapeAt, values: InstantValuesAt, weight: float, places: Index) -> None:
         """Adds its Hessian times a weight; ``places`` are those of ``pairs`` among the nonzeros."""
-        total.add(values, weight * (self.weights @ at.durations)[:, None])
+        values.add_curvature(total, weight * (self.weights @ at.durations)[:, None])
         total.durations += weight * (self.weights.T @ values.values[:, 0])
-        slopes = np.zeros((len(self.weights), at.shape.size + 1))
-        full = np.zeros((len(at.durations), at.shape.size + 1))
-        np.put_along_axis(full, at.shape.columns, at.slopes[1], axis=1)
-        slopes = np.take_along_axis(self.weights @ full, self.columns, axis=1)
-        slopes[self.columns == at.shape.size] = 0.0
-        outer = weight * values.slopes[:, 0][:, :, None] * slopes[:, None, :]
+        slopes = np.zeros((len(self._left), at.shape.columns.shape[1]))
+        np.add.at(slopes, self._pair, self.weights.data[:, None] * values.slopes[self._node, 0])
+        of_duration = np.take_along_axis(at.slopes[1], self._first, axis=1)[self._right]
+        outer = weight * slopes[:, :, None] * of_duration[:, None, :]
         # A pair and its mirror: off the diagonal each stands once above it, on it both do.
-        doubled = self._rows()[:, :, None] == self.columns[:, None, :]
-        outer = np.where(doubled, 2.0 * outer, outer).ravel()
+        left, right = self._outer()
+        outer = np.where(left == right, 2.0 * outer, outer).ravel()
         total.nonzeros += gathered(places, outer, len(total.nonzeros))
 
 

@@ -48,30 +48,28 @@ class Shape:
             places += [
                 k * self._rows + np.arange(number),
                 k * self._rows + self._rows - 1 - self._count + np.arange(1 + self._count),
-            ]  # noqa: E501
+            ]
         stacked, self._places = casadi.densify(casadi.vertcat(*whole)), np.concatenate(places)
         slope = casadi.jacobian(stacked, x)
         row, column = (np.array(index, dtype=np.intp) for index in slope.sparsity().get_triplet())
         segment, within = np.divmod(self._places[row], self._rows)
-        used = [np.unique(column[segment == k]) for k in range(segments)]
-        width = max((len(u) for u in used), default=0)
+        used, which = np.unique(segment * self.size + column, return_inverse=True)
+        owner, some = np.divmod(used, max(self.size, 1))
+        place = np.arange(len(used)) - np.searchsorted(owner, owner)
+        width = int(place.max(initial=-1)) + 1
         self.columns: Places = np.full((segments, width), self.size, dtype=np.intp)
-        where = np.zeros((segments, self.size), dtype=np.intp)
-        for k, some in enumerate(used):
-            self.columns[k, : len(some)] = some
-            where[k, some] = np.arange(len(some))
-        self._slope_places = (segment * self._rows + within) * width + where[segment, column]
+        self.columns[owner, place] = some
+        where = place[which]
+        self._slope_places = (segment * self._rows + within) * width + where
         self.depends = np.zeros((segments, self.dof + 1 + self._count, width), dtype=bool)
         number = (most + 1) * self.dof
-        self.depends[
-            segment, np.where(within < number, within % self.dof, within - number + self.dof), where[segment, column]
-        ] = True  # noqa: E501
+        self.depends[segment, np.where(within < number, within % self.dof, within - number + self.dof), where] = True
         self._value = Mapped(casadi.Function("shape", [x], [stacked]))
-        self._slope = Mapped(casadi.Function("shape_slope", [x], [slope.nz[:]]))  # noqa: E501
+        self._slope = Mapped(casadi.Function("shape_slope", [x], [slope.nz[:]]))
         nu = casadi.SX.sym("nu", stacked.numel())
         bend = casadi.triu(casadi.hessian(casadi.dot(nu, stacked), x)[0])
         self.bend_sparsity = bend.sparsity()
-        self._bend = Mapped(casadi.Function("shape_bend", [x, nu], [bend.nz[:]]))  # noqa: E501
+        self._bend = Mapped(casadi.Function("shape_bend", [x, nu], [bend.nz[:]]))
 
     def at(self, x: Array) -> ShapeAt:
         """The shape at ``x (n,)``."""

@@ -13,6 +13,7 @@ from typing import Any
 import casadi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
 
 from ocp_traj.curves.bernstein import PiecewiseBezier, total_variation
 from ocp_traj.curves.motion import Motion
@@ -129,23 +130,25 @@ def _share_function(problem: Problem, objective: Objective) -> Any:
     return problem.cached(("share", objective.id), build)
 
 
-def quadrature(problem: Problem, objective: Objective) -> tuple[list[tuple[int, float]], Array]:
+def quadrature(problem: Problem, objective: Objective) -> tuple[list[tuple[int, float]], csr_array]:
     """Nodes (segment, u) of an objective's quadrature, and weights.
 
     The two sides of an inner knot are one node where the integrand is continuous there.
 
     Returns:
-        nodes, and weights ``(nodes, K)`` which, times the durations, give each node's weight.
+        nodes, and sparse weights ``(nodes, K)`` which, times the durations, give each node's weight.
     """
     segments = len(degrees(problem))
     order = derivative_order(integrand_function(problem, objective), problem.requirements.dof)
     shared = order <= problem.requirements.continuity
-    nodes: dict[tuple[int, float], Array] = {}
+    nodes: dict[tuple[int, float], int] = {}
+    entries: list[tuple[int, int, float]] = []
     for k in range(segments):
         for u, weight in objective.quadrature:
             node = (k + 1, 0.0) if shared and u == 1.0 and k < segments - 1 else (k, u)
-            nodes.setdefault(node, np.zeros(segments))[k] += weight
-    return list(nodes), np.array(list(nodes.values()))
+            entries.append((nodes.setdefault(node, len(nodes)), k, weight))
+    row, column, weights = zip(*entries, strict=True)
+    return list(nodes), csr_array((weights, (row, column)), shape=(len(nodes), segments))
 
 
 def plain_objectives(problem: Problem, names: Iterable[str]) -> dict[str, Objective]:
@@ -180,7 +183,7 @@ def objective_values(
                 states_at(curve, [k for k, _ in nodes], u),
                 casadi.MX(u.T),
                 casadi.repmat(curve.parameters, 1, len(nodes)),
-                casadi.mtimes(casadi.DM(weights), curve.durations).T,
+                casadi.mtimes(casadi.DM(weights.tocsc()), curve.durations).T,
             )
             values[name] = casadi.sum2(shares)
     return values

@@ -9,6 +9,7 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
+from ocp_traj.curves.bernstein import difference_matrix
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint
 from ocp_traj.formulation.scalarise import Scalarisation
@@ -65,7 +66,13 @@ def limit_values(curve: SymbolicCurve, limit: PathConstraint, members: Sequence[
     segments, n = [m.segment for m in members], len(members)
     if limit.order is not None:
         dof = problem.requirements.dof
-        return states_at(curve, segments, local)[limit.order * dof : (limit.order + 1) * dof, :]
+        values = casadi.horzsplit(states_at(curve, segments, local)[limit.order * dof : (limit.order + 1) * dof, :])
+        for j, member in enumerate(members):
+            if member.control is not None:
+                points = curve.points[member.segment]
+                row = difference_matrix(points.shape[0] - 1, limit.order)[member.control]
+                values[j] = points.T @ casadi.DM(row) / curve.durations[member.segment] ** limit.order
+        return casadi.horzcat(*values)
     constants = np.zeros((n, 0)) if limit.constants is None else limit.constants[segments]
     function = problem.requirements.function(limit)
     place = local.T
@@ -77,18 +84,19 @@ def limit_values(curve: SymbolicCurve, limit: PathConstraint, members: Sequence[
 
 
 def _local_time(instant: Instant, x: Any) -> Any:
-    return _moved(instant.u, instant.slope, instant.anchor, x)
+    return _moved(instant, instant.u, instant.slope, x)
 
 
 def _along(instant: Instant, x: Any) -> Any:
-    return _moved(instant.sweep, instant.sweep_slope, instant.anchor, x)
+    return _moved(instant, instant.sweep, instant.sweep_slope, x)
 
 
-def _moved(start: float, slope: Array | None, anchor: Array | None, x: Any) -> Any:
-    if slope is None or anchor is None:
+def _moved(instant: Instant, start: float, slope: Array | None, x: Any) -> Any:
+    if slope is None or instant.anchor is None:
         return casadi.MX(start)
-    few = np.nonzero(slope)[0].tolist()  # an instant moves with the variables of its own segment
-    if not few:
+    few = np.nonzero(slope)[0]  # an instant moves with the variables of its own segment
+    if not len(few):
         return casadi.MX(start)
-    moved = start + casadi.dot(casadi.DM(slope[few]), x[few] - casadi.DM(anchor[few]))
+    columns = few if instant.columns is None else instant.columns[few]
+    moved = start + casadi.dot(casadi.DM(slope[few]), x[columns.tolist()] - casadi.DM(instant.anchor[few]))
     return casadi.fmin(casadi.fmax(moved, 0.0), 1.0)

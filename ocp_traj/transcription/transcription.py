@@ -14,7 +14,7 @@ from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint, PointConstraint
 from ocp_traj.formulation.rows import Row
-from ocp_traj.formulation.scalarise import Scalarisation, check_names
+from ocp_traj.formulation.scalarise import Scalarisation, check_names, value_of
 from ocp_traj.transcription.derivative_values import DerivativeValues
 from ocp_traj.transcription.instant_program import InstantProgram, Rows
 from ocp_traj.transcription.instant_values import InstantValues
@@ -22,7 +22,7 @@ from ocp_traj.transcription.instants import Instant, step_nodes
 from ocp_traj.transcription.nlp import NLP
 from ocp_traj.transcription.scalar_objective import ScalarObjective
 from ocp_traj.transcription.shape import shape_of
-from ocp_traj.transcription.symbolic import degrees, variations
+from ocp_traj.transcription.symbolic import degrees, evaluate_objectives, variations
 from ocp_traj.transcription.symbolic_nlp import symbolic_nlp
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def transcribe(
         Slacks of objectives that take no part stay at their lower bounds.
     """
     check_names(problem, scalarisation)
-    scalar = ScalarObjective(problem, scalarisation)
+    scalar = _scalar(problem, scalarisation)
     table = _Table(problem)
     steps = [table.steps(objective, instants) for objective in variations(problem, scalarisation.names)]
     for limit in problem.requirements.path_constraints:
@@ -69,7 +69,9 @@ def transcribe(
     unbounded = np.full(len(labels), np.inf)
 
     def initial_slacks(x: Array) -> Array:
-        return np.concatenate([np.zeros(scalar.extra), *(s.sizes(problem, x) for s in steps)])
+        # The least of the scalarisation's own variable that its rows allow there.
+        own = [value_of(problem, scalarisation, evaluate_objectives(problem, x))[0]] if scalar.extra else []
+        return np.concatenate([np.array(own), *(s.sizes(problem, x) for s in steps)])
 
     program = InstantProgram(
         problem, scalar, table.parts, count, [(s.objective.id, len(s.labels)) for s in steps],
@@ -91,6 +93,15 @@ def transcribe(
         initial_slacks=initial_slacks,
         options=problem.tuning.solver_options,
     )
+
+
+def _scalar(problem: Problem, scalarisation: Scalarisation) -> ScalarObjective:
+    """The objectives as one, compiled once for the rounds of a solve."""
+    memory: dict[str, Any] = problem.cached("scalarisation", dict)
+    if memory.get("of") is not scalarisation:
+        memory["of"], memory["compiled"] = scalarisation, ScalarObjective(problem, scalarisation)
+    compiled: ScalarObjective = memory["compiled"]
+    return compiled
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,4 +227,7 @@ class _Table:
 def row_of(limit: PathConstraint, instant: Instant, i: int) -> Row:
     """The NLP's row of a limit's row i at an instant: what multipliers are matched by."""
     scale = float(limit.scale[i])
-    return Row(limit.id, limit.labels[i], instant.segment, instant.u, limit.units[i], scale, sweep=instant.sweep)
+    place = instant.segment, instant.u
+    return Row(
+        limit.id, limit.labels[i], *place, limit.units[i], scale, sweep=instant.sweep, control=instant.control
+    )  # fmt: skip

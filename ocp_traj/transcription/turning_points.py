@@ -67,4 +67,5 @@ def _turning_points(problem: Problem, objective: Objective, row: int, x: Array, 
         times = turning_times(values[:, None])[:, 0]
         members += [Instant(objective.id, k, float(u), (row,)) for u in np.unique(times) if 0.0 < u < 1.0]
     found = follow(problem, objective.id, members, x)
-    return [replace(i, slope=None) if i.slope is not None and np.abs(i.slope * x).max() > FAST else i for i in found]
+    fast = [i.slope is not None and np.abs(i.slope * x[i.columns]).max(initial=0.0) > FAST for i in found]
+    return [replace(i, slope=None) if races else i for i, races in zip(found, fast, strict=True)]

@@ -40,10 +40,11 @@ def worst_instants(problem: Problem, x: Array, back_off: float) -> tuple[list[In
     found: list[Instant] = []
     worst = 0.0
     for limit in problem.requirements.path_constraints:
-        peaks = _Peaks(problem, limit, shape, back_off)
-        members, excess = peaks.sharpened()
+        # Hull rows hold a limit between instants: of it a peak is one that breaks the limit itself.
+        inside = 0.0 if limit.id in problem.tuning.hull_rows else back_off
+        members, excess = _Peaks(problem, limit, shape, inside).sharpened()
         found += members
-        worst = max(worst, excess - back_off)
+        worst = max(worst, excess - inside)
     return found, worst
 
 
@@ -232,15 +233,13 @@ def _moving(
     hessian, moved = _hessians(found, free), []
     curved = np.abs(np.linalg.eigvalsh(hessian)).min(axis=1) > FLAT
     for j, member in enumerate(members):
-        member = replace(member, slope=None, sweep_slope=None, anchor=None)
+        member = replace(member, slope=None, sweep_slope=None, anchor=None, columns=None)
         if curved[j] and free[j].any():
             cross = np.where(free[j][:, None], np.stack([found.ux[j], found.sx[j]]), 0.0)
-            local = -np.linalg.solve(hessian[j], cross)
-            slopes = np.zeros((2, len(x) + 1))
-            slopes[:, columns[j]] = local
-            slopes = slopes[:, :-1]
-            if np.abs(slopes * x).max() <= RACING:
+            own = columns[j][columns[j] < len(x)]
+            slopes = -np.linalg.solve(hessian[j], cross)[:, : len(own)]
+            if np.abs(slopes * x[own]).max(initial=0.0) <= RACING:
                 u, sweep = (slope if here else None for slope, here in zip(slopes, free[j].tolist(), strict=True))
-                member = replace(member, slope=u, sweep_slope=sweep, anchor=x)
+                member = replace(member, slope=u, sweep_slope=sweep, anchor=x[own], columns=own)
         moved.append(member)
     return moved
