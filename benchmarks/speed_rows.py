@@ -22,7 +22,11 @@ import moocore
 import numpy as np
 
 import ocp_traj as ot
+<<<<<<< HEAD
 from ocp_traj.arrays import Array
+=======
+from ocp_traj.errors import NoSolutionFound
+>>>>>>> hC
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.nsga2 import NSGA2
 
@@ -98,8 +102,15 @@ def _as_found_and_proved(problem: Any, xs: Sequence[Any]) -> Figures:
 def trace(budget: float, seed: float) -> Figures:
     """The tracer, as many points as it has time for."""
     problem = ot.problems.load("hybrid-spline")
-    found, figures = timed(partial(ot.pareto, problem, TRADED, points=UNBOUNDED, budget=budget, seed=int(seed)))
-    return figures | of_front(found)
+
+    def call() -> Any:
+        try:
+            return ot.pareto(problem, TRADED, points=UNBOUNDED, budget=budget, seed=int(seed))
+        except NoSolutionFound:
+            return None
+
+    found, figures = timed(call)
+    return figures | ({"proved": 0, "hypervolume": 0.0} if found is None else of_front(found))
 
 
 def population(method: str, size: float, seed: float) -> Figures:
