@@ -20,15 +20,14 @@ from typing import Any
 import casadi
 import moocore
 import numpy as np
+from numpy.typing import NDArray
 
 import ocp_traj as ot
-<<<<<<< HEAD
-from ocp_traj.arrays import Array
-=======
 from ocp_traj.errors import NoSolutionFound
->>>>>>> hC
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.nsga2 import NSGA2
+
+Array = NDArray[np.float64]  # the commit before has it nowhere
 
 if find_spec("ocp_traj.formulation") is None:  # before the packages had packages of their own
     from ocp_traj.audit import audit_all
