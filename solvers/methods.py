@@ -11,7 +11,7 @@ from ocp_traj.errors import InputError, nearest, quoted
 from ocp_traj.formulation.case import convert
 
 MOST = 100_000  # of anything that is counted: our choice, what a machine's memory holds
-FLAGS = ("seed", "points")  # options for which the command line has flags of their own
+NO_OPTIONS = ("seed", "points", "prove")  # the command line has flags for two, and proves what it shows
 
 # Classes of methods that solve, and of those that find fronts.
 SOLVE = {
@@ -54,7 +54,7 @@ def options_from_text(table: Mapping[str, str], method: str, texts: Mapping[str,
     They are the fields that say what they may be, with ``formulation.case``, and those that are true or false.
     """
     cls = method_class(table, method)
-    known = [f.name for f in fields(cls) if (f.metadata or isinstance(f.default, bool)) and f.name not in FLAGS]
+    known = [f.name for f in fields(cls) if (f.metadata or isinstance(f.default, bool)) and f.name not in NO_OPTIONS]
     found = convert(method, cls, dict(texts), "option", known)
     for name, value in found.items():
         if isinstance(value, int) and value > MOST:
