@@ -1,5 +1,6 @@
 """Scalarisations on a front with a closed form: effort = c / T^3 along one variable T."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -7,8 +8,16 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from ocp_traj.errors import InputError, UnknownName
-from ocp_traj.formulation.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation, WeightedSum, check_names
+from ocp_traj.errors import InputError, ProblemDefinitionError, UnknownName
+from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.scalarise import (
+    EpsilonConstraint,
+    GoalAttainment,
+    Scalarisation,
+    Scalarised,
+    WeightedSum,
+    check_names,
+)
 from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.transcription.instants import uniform_instants
@@ -189,3 +198,17 @@ def test_an_unknown_objective_is_refused_whatever_its_weight(scalarisation: Scal
         check_names(PROBLEM, scalarisation)
     with pytest.raises(UnknownName, match=message):
         transcribe(PROBLEM, scalarisation, ())
+
+
+class Squared:
+    """The square of the time, which no scalarisation may be."""
+
+    names = ("time",)
+
+    def apply(self, problem: Problem, values: Mapping[str, Any]) -> Scalarised:
+        return Scalarised(values["time"] ** 2)
+
+
+def test_a_scalarisation_that_is_not_linear_is_refused() -> None:
+    with pytest.raises(ProblemDefinitionError, match="Squared is not linear in the objectives' values; state it by"):
+        transcribe(PROBLEM, Squared(), ())

@@ -35,7 +35,7 @@ class Scalarised:
 
 
 class Scalarisation(Protocol):
-    """Turns the objectives it names into one."""
+    """Turns the objectives it names into one: f and rows that are linear in their values."""
 
     @property
     def names(self) -> tuple[str, ...]:

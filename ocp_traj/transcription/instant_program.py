@@ -129,8 +129,6 @@ class InstantProgram:
         column, at = np.divmod(known, max(self.rows, 1))
         self.jacobian_sparsity = casadi.Sparsity.triplet(self.rows, self.size, at.tolist(), column.tolist())
         whole = self._pattern.sparsity
-        if not scalar.linear:
-            raise NotImplementedError
         self.hessian_sparsity = casadi.diagcat(whole, casadi.Sparsity(self.size - n, self.size - n))
         self._key = b""
         self._at: _Here | None = None
@@ -156,7 +154,7 @@ class InstantProgram:
             np.add.at(g, part.row, part.factor * values.values[part.instant, part.entry])
         row, sigma, factor = self._coupling
         np.add.at(g, row, factor * x[self._first_step + sigma])
-        outputs = self._scalar.values(here.scalars[None])[0][0]
+        outputs = self._scalar.values(here.scalars)
         g[self._count :] = outputs[1:]
         here.outputs = float(outputs[0]), g
         return here.outputs
@@ -184,7 +182,7 @@ class InstantProgram:
             np.add.at(weights, (part.instant, part.entry), multipliers[part.row] * part.factor)
             values.add_curvature(total, weights)
         outer = np.concatenate([[factor], multipliers[self._count :]])
-        weighed = dict(zip(self._scalar.names, outer @ here.scalar_slope, strict=False))
+        weighed = dict(zip(self._scalar.names, outer @ self._scalar.slope, strict=False))
         for name, integral in pattern.integrals.items():
             integral.add(total, here.at, here.integrals[name], weighed[name], pattern.of_integrals[name])
         for name, function in pattern.functions.items():
@@ -217,11 +215,6 @@ class _Here:
         return float(program._problem.objective(name).scale * self._x[program._steps[name]].sum())
 
     @cached_property
-    def scalar_slope(self) -> Array:
-        """Derivatives of f and the scalarisation's rows in the objectives' values."""
-        return self._program._scalar.slope(self.scalars)
-
-    @cached_property
     def slopes(self) -> Array:
         """Derivatives of f and the scalarisation's rows in the program's variables ``(1 + rows, n)``."""
         program, pattern = self._program, self._program._pattern
@@ -236,4 +229,4 @@ class _Here:
                 gradients[j, program._steps[name]] = program._problem.objective(name).scale
         if program._scalar.extra:
             gradients[-1, n] = 1.0
-        return self.scalar_slope @ gradients
+        return program._scalar.slope @ gradients

@@ -8,23 +8,24 @@ import casadi
 import numpy as np
 
 from ocp_traj.arrays import Array
+from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
-from ocp_traj.transcription.mapped import Mapped
 from ocp_traj.transcription.symbolic import plain_objectives
 
 
 class ScalarObjective:
-    """A scalarisation of a problem's objectives: a small function of their values, with derivatives.
+    """A scalarisation of a problem's objectives, a linear function of their values.
 
     Attributes:
         names: of the plain objectives it is a function of.
         extra: 1 where the scalarisation has a variable of its own, else 0.
         rows: (objective id, bound) a row.
+        slope: derivatives ``(1 + rows, values)`` of f and the rows in the values, and in the extra variable.
     """
 
     def __init__(self, problem: Problem, scalarisation: Scalarisation) -> None:
-        """Compiles the function."""
+        """Finds its coefficients; raises ``ProblemDefinitionError`` where it is not linear."""
         wanted = dict.fromkeys((*scalarisation.names, *problem.tuning.regularisation))
         plain = plain_objectives(problem, wanted)
         self.names = tuple(name for name, objective in plain.items() if objective.terms is None)
@@ -43,18 +44,15 @@ class ScalarObjective:
         (outputs,) = casadi.graph_substitute([outputs], list(symbols.values()), casadi.vertsplit(given)[: len(symbols)])
         if scalar.extra is not None:
             (outputs,) = casadi.graph_substitute([outputs], [scalar.extra], [given[-1]])
-        weights = casadi.MX.sym("w", outputs.numel())
-        bend = casadi.hessian(casadi.dot(weights, outputs), given)[0]
-        self.linear = bend.nnz() == 0
-        self.values = Mapped(casadi.Function("scalar", [given], [casadi.densify(outputs)]))
-        slope = casadi.densify(casadi.jacobian(outputs, given))
-        self._slope = Mapped(casadi.Function("slope", [given], [casadi.vec(slope.T)]))
-        self._bend = Mapped(casadi.Function("bend", [given, weights], [casadi.vec(casadi.densify(bend))]))
+        if any(casadi.which_depends(outputs, given, 2, True)):
+            raise ProblemDefinitionError(
+                f"{problem.id}: {type(scalarisation).__name__} is not linear in the objectives' values; state it by "
+                "rows and a variable of its own, as goal attainment does"
+            )
+        linear = casadi.Function("scalar", [given], [outputs, casadi.densify(casadi.jacobian(outputs, given))])
+        constant, slope = linear(np.zeros(given.numel()))
+        self._constant, self.slope = np.array(constant).ravel(), np.array(slope).reshape(outputs.numel(), given.numel())
 
-    def slope(self, given: Array) -> Array:
-        """Derivatives ``(1 + rows, values)`` of f and the rows in the values, and in the extra variable."""
-        return np.array(self._slope(given[None])[0][0]).reshape(1 + len(self.rows), -1)
-
-    def bend(self, given: Array, weights: Array) -> Array:
-        """Hessian of the outputs times weights ``(1 + rows,)``."""
-        return np.array(self._bend(given[None], weights[None])[0][0]).reshape(len(given), -1)
+    def values(self, given: Array) -> Array:
+        """f, then the rows' values ``(1 + rows,)``, at the objectives' values and that of the extra variable."""
+        return np.asarray(self.slope @ given + self._constant)
