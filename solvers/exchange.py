@@ -96,7 +96,7 @@ class Exchange:
         scalarisation: Scalarisation,
         x0: Array,
         warm: Solution | None = None,
-        opened: NLPResult | None = None,
+        opened: tuple[NLP, NLPResult] | None = None,
     ) -> Solution:
         """Solves from ``x0 (n,)``; never worse than a point that was known before and is proved.
 
@@ -105,7 +105,7 @@ class Exchange:
             scalarisation: its objectives as one.
             x0: starting point.
             warm: an earlier solution of this problem, whose multipliers are reused.
-            opened: solution of ``opening``, where it is known.
+            opened: ``opening`` and its solution from ``x0``, where they are known.
 
         Returns:
             A solution with its trajectory, objectives and audit; ``audit.proved`` says whether the exchange succeeded,
@@ -131,7 +131,7 @@ class Exchange:
         scalarisation: Scalarisation,
         x0: Array,
         warm: Solution | None,
-        opened: NLPResult | None,
+        opened: tuple[NLP, NLPResult] | None,
         proved: list[Solution],
         begun: float,
     ) -> Solution:
@@ -142,11 +142,12 @@ class Exchange:
         last: Solution | None = None  # feasible at its instants
         most = self.exchanges(problem)
         for number in range(1, most + 1):
-            nlp = transcribe(problem, scalarisation, instants, back_off)
+            known = opened if number == 1 else None
+            nlp = transcribe(problem, scalarisation, instants, back_off) if known is None else known[0]
             start = nlp.start(x)
             follows = any(instant.moves for instant in instants)
-            if number == 1 and opened is not None:
-                result = opened
+            if known is not None:
+                result = known[1]
             else:
                 solver = self.solver.limited(WARM_ITERATIONS) if follows else self.solver
                 result = solver.solve(nlp, start, warm)

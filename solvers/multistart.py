@@ -127,7 +127,7 @@ class Multistart:
             for other, solution in known:
                 if opened.ok and np.abs(opened.x - other.x).max() <= ONE_POINT * (1.0 + np.abs(other.x).max()):
                     return no_worse_than(problem, scalarisation, solution, x0) if solution.ok else solution
-            solution = solver.solve(problem, scalarisation, x0, opened=opened)
+            solution = solver.solve(problem, scalarisation, x0, opened=(nlp, opened))
             if opened.ok:
                 known.append((opened, solution))
                 pairs.append((opened, solution))
