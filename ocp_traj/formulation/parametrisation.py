@@ -23,7 +23,7 @@ class Parametrisation:
         curve: x -> PiecewiseBezier, of numbers or of casadi SX.
         guess: random starting point ``(n,)`` from a generator, within the bounds.
         variables_of: numeric curve of this shape -> x, the inverse of ``curve``.
-        dilate: (x, s) -> x of the same path s times slower.
+        dilate: (x, s) -> x of the same path s times slower; None where given derivatives do not allow it.
         knots: where each via point is passed: segment, counted from the end where negative, and local time.
         legs: of each leg between two via points, the range of its segments.
         continuity: promised at inner knots.
@@ -36,7 +36,7 @@ class Parametrisation:
     curve: Callable[[Any], PiecewiseBezier]
     guess: Callable[[np.random.Generator], Array]
     variables_of: Callable[[PiecewiseBezier], Array]
-    dilate: Callable[[Array, float], Array]
+    dilate: Callable[[Array, float], Array] | None
     knots: Points
     legs: tuple[range, ...]
     continuity: int
