@@ -28,7 +28,8 @@ from ocp_traj.robot.joint_limits import JointLimits
 DEGREES = (5, 7, 9)
 PHASES = 7  # of constant jerk, of a shortest motion from rest to rest: that many pieces may hold it exactly
 SHORTEST, LONGEST = 1e-3, 1e2  # bounds of durations, of the guessed ones: our choice, far from any optimum met
-SLOWER = (1.4, 2.0)  # random starts are so many times slower than no motion from rest to rest can be; our choice
+# Random starts are so many times slower than a shortest motion from rest to rest along a straight line: our choice.
+SLOWER, SLOWER_LONE = (1.0, 1.4), (1.0, 1.02)  # through via points, and where there are none
 
 
 def knot_states(
@@ -352,21 +353,34 @@ class Knots:
 
     def guess(self, rng: np.random.Generator) -> Array:
         """A start within the bounds: from via point to via point along straight lines, with stops, a little slower."""
-        slower = rng.uniform(*SLOWER, size=len(self.legs))
         durations, states = self.waits.copy(), self.places[1].copy()
-        for leg, seconds, (a, b) in zip(self.legs, self.least * slower, pairwise(self.points), strict=True):
-            shares, law = self.law(b - a)
-            durations[list(leg)] = seconds * shares
+        for i, (leg, a, b) in enumerate(zip(self.legs, self.points[:-1], self.points[1:], strict=True)):
+            times, law = self.law(i)
+            slower = rng.uniform(*(SLOWER if len(self.legs) > 1 else SLOWER_LONE))
+            durations[list(leg)] = times * slower
             inside = np.arange(leg.start + 1, leg.stop)
             states[inside, 0] = a + law[1:-1, :1] * (b - a)
-            for order in range(1, self.rows if len(inside) else 0):
-                states[inside, order] = law[1:-1, order : order + 1] * (b - a) / seconds**order
+            for order in range(1, 3):
+                states[inside, order] = law[1:-1, order : order + 1] * (b - a) / slower**order
         lower, upper = (np.concatenate([getattr(v, side) for v in self.variables]) for side in ("lower", "upper"))
         return np.clip(self.packed(durations, states), lower, upper)
 
-    def law(self, step: Array) -> tuple[Array, Array]:
-        """Shares ``(pieces,)`` of a leg's time, and (s, s', ..) ``(pieces + 1, rows)`` over a unit time at their ends."""
+    def law(self, leg: int) -> tuple[Array, Array]:
+        """Durations ``(pieces,)`` [s] of a leg's pieces, and (s, s', s'') at their ends ``(pieces + 1, 3)``.
+
+        The shortest law of seven phases from rest to rest along the straight line, where no joint is beyond its limits.
+        """
+        step, least = np.abs(self.points[leg + 1] - self.points[leg]), float(self.least[leg])
+        bounds = []
+        for order, usual in ((1, 4.0), (2, 16.0), (3, 128.0)):  # usual: far from binding; where there is no limit
+            pair = self.limits.bounds(order)
+            reach = np.full(len(step), np.inf) if pair is None else np.minimum(-pair[0], pair[1])
+            lowest = float((reach / np.maximum(step, 1e-12)).min())
+            bounds.append(min(lowest, usual / least**order))
+        phases, states = time_law(*bounds)
+        if self.pieces == PHASES and not self.even:
+            return phases, states
+        knots = np.append(0.0, np.cumsum(phases))
         u = np.linspace(0.0, 1.0, self.pieces + 1)
-        law = np.zeros((len(u), self.rows))
-        law[:, 0], law[:, 1], law[:, 2] = u**2 * (3.0 - 2.0 * u), 0.0, 0.0
-        return np.diff(u), law
+        curve = hermite([state[:, None] for state in states], phases)
+        return np.diff(u) * knots[-1], np.hstack([curve(u * knots[-1], order) for order in range(3)])
