@@ -8,12 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ocp_traj.arrays import Array, Index
 from ocp_traj.curves.bernstein import PiecewiseBezier
@@ -38,7 +37,7 @@ def knot_states(
     *,
     degree: int = 5,
     pieces: int = 1,
-    even: bool = False,
+    even: bool = True,
     rest: int = 2,
     stops: Sequence[int] = (),
     dwells: Mapping[int, float] | None = None,
@@ -59,13 +58,16 @@ def knot_states(
         limits: of the joints.
         degree: 5, 7 or 9: continuous up to the 2nd, 3rd or 4th derivative.
         pieces: segments from one via point to the next.
-        even: whether the pieces between two via points have one duration, in place of one each.
+        even: whether the pieces between two via points have one duration, in place of one each, with which many
+            pieces seldom converge from a plain guess.
         rest: derivatives that vanish at ends and stops; those above, up to the order of continuity, are free.
         stops: via points at rest, counted from 0.
         dwells: {via point: seconds} standing still there, a constant segment; inner ones.
         via_tolerance: how far inner via points may be passed by, ``()`` or ``(n,)``; the ends are exact.
-        start, end: derivatives 1, 2, .. ``(k, n)`` there, in place of rest.
-        joints, units: one name a joint.
+        start: derivatives 1, 2, .. ``(k, n)`` there, in place of rest.
+        end: likewise.
+        joints: one name a joint.
+        units: of the joints, "rad" where not given.
 
     Raises:
         ProblemDefinitionError: names what does not fit.
@@ -195,7 +197,7 @@ class Knots:
         reach = np.array([np.full(steps.shape[1], np.inf) if b is None else np.minimum(-b[0], b[1]) for b in bounds]).T
         found = least_time(steps, reach).max(axis=1)
         found = np.where(found > 0.0, found, steps.max(axis=1))  # one unit a second where nothing is limited
-        return np.maximum(found, 0.1 * (found.max() or 1.0))
+        return np.asarray(np.maximum(found, 0.1 * (found.max() or 1.0)))
 
     @cached_property
     def unit(self) -> float:
@@ -295,9 +297,9 @@ class Knots:
         index, moves = self.durations_at, self.durations_at >= 0
         share = 1.0 / self.pieces if self.even else 1.0
         if isinstance(x, casadi.SX):
-            found = casadi.SX(self.waits)
-            found[np.flatnonzero(moves).tolist()] = x[index[moves].tolist()] * share
-            return found
+            symbols = casadi.SX(self.waits)
+            symbols[np.flatnonzero(moves).tolist()] = x[index[moves].tolist()] * share
+            return symbols
         found = self.waits.copy()
         found[moves] = x[index[moves]] * share
         return found

@@ -1,0 +1,85 @@
+"""Levels: a curve of many pieces is solved from the optimum of one with fewer, which is found from a plain guess."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from ocp_traj.arrays import Array
+from ocp_traj.curves.bernstein import PiecewiseBezier
+from ocp_traj.formulation.parametrisation import Parametrisation
+from ocp_traj.formulation.problem import Levels, Problem
+
+GAIN = 0.01  # relative, of the objective, below which more pieces are not worth their time: our choice
+SLOWER = 1.0005  # so that a prolonged optimum is inside its limits, where it rests on them: our choice
+HULL_ROWS = tuple(range(5))  # orders whose limits a level holds at control points that others begin from
+
+
+def levels_of(
+    parametrise: Callable[[int], Parametrisation],
+    pose: Callable[[int, Parametrisation], Problem],
+    pieces: int,
+    *,
+    finest: int | None = None,
+    gain: float = GAIN,
+) -> Problem:
+    """The problem with so many pieces a leg, solved by levels: each has some whole number of times the coarser's.
+
+    Args:
+        parametrise: number of pieces -> curve; the coarser's pieces cut evenly are the finer's.
+        pose: number of pieces and curve -> problem, its ``levels`` left out; its variables may go on after the
+            curve's, the same at all levels.
+        pieces: of the problem; with ``finest`` of the coarsest one.
+        finest: refinement goes on by halves from ``pieces`` up to at most so many; None for a problem that stays.
+        gain: of ``Levels``.
+    """
+    least = 1 if finest is None else pieces
+    sizes = [pieces]
+    while sizes[0] > least:
+        sizes.insert(0, sizes[0] // next(factor for factor in range(2, sizes[0] + 1) if sizes[0] % factor == 0))
+    while finest is not None and 2 * sizes[-1] <= finest:
+        sizes.append(2 * sizes[-1])
+
+    @cache
+    def curve(size: int) -> Parametrisation:
+        made = parametrise(size)
+        # A start for others has to be found from any guess; what its hull rows cost is won back.
+        return replace(made, hull_rows=HULL_ROWS) if len(sizes) > 1 else made
+
+    @cache
+    def problem(i: int) -> Problem:
+        own = curve(sizes[i])
+
+        def prolong(x: Array) -> Array:
+            before = curve(sizes[i - 1])
+            size = sum(len(v.labels) for v in before.variables)
+            finer = own.variables_of(cut(before.curve(x[:size]), sizes[i] // sizes[i - 1], before.legs))
+            slower = finer if own.dilate is None else own.dilate(finer, SLOWER)
+            return np.concatenate([slower, x[size:]])
+
+        posed = pose(sizes[i], own)
+        lower, upper = posed.lower, posed.upper
+        levels = Levels(
+            (lambda: problem(i - 1)) if i else None,
+            lambda x: np.clip(prolong(x), lower, upper),
+            (lambda: problem(i + 1)) if finest is not None and i + 1 < len(sizes) else None,
+            gain,
+        )
+        return replace(posed, levels=levels)
+
+    return problem(sizes.index(pieces))
+
+
+def cut(curve: PiecewiseBezier, parts: int, legs: tuple[range, ...]) -> PiecewiseBezier:
+    """The same curve, the segments of its legs cut evenly, by de Casteljau; others stay."""
+    inside = {k for leg in legs for k in leg}
+    durations, points = [], []
+    for k in range(curve.segments):
+        number = parts if k in inside else 1
+        for i in range(number):
+            durations.append(curve.durations[k] / number)
+            points.append(curve.restrict(k, i / number, (i + 1) / number))
+    return PiecewiseBezier(np.array(durations), tuple(points))
