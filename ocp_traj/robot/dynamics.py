@@ -21,7 +21,7 @@ import pinocchio as pin
 from casadi import SX
 
 from ocp_traj.arrays import Array
-from ocp_traj.errors import InputError, RobotDefinitionError, UnsupportedJoint
+from ocp_traj.errors import InputError, RobotDefinitionError, UnsupportedJoint, nearest
 
 Vector = list[Any]  # three scalars, SX or float
 Matrix = list[Vector]  # three rows
@@ -96,7 +96,10 @@ def joint_index(model: pin.Model, joint: int | str | None) -> int:
     if isinstance(index, str):
         index = model.getJointId(index) if model.existJointName(index) else -1
     if not 1 <= index < model.njoints:
-        raise RobotDefinitionError(f"{joint!r} is not a joint of {model.name!r}; joints are {list(model.names)[1:]}")
+        names = list(model.names)[1:]
+        raise RobotDefinitionError(
+            f"{joint!r} is not a joint of {model.name!r}{nearest(str(joint), names)}; joints are {names}"
+        )
     return int(index)
 
 

@@ -17,8 +17,9 @@ import pinocchio as pin
 from casadi import SX
 
 from ocp_traj.arrays import Array
-from ocp_traj.errors import RobotDefinitionError, UnsupportedJoint
+from ocp_traj.errors import RobotDefinitionError, nearest
 from ocp_traj.robot.chain import AxisJoint, Chain, DHRow, LinkInertia, screw
+from ocp_traj.robot.descriptions import description_urdf
 from ocp_traj.robot.dynamics import (
     Friction,
     Payload,
@@ -31,7 +32,7 @@ from ocp_traj.robot.dynamics import (
     joint_is_revolute,
 )
 from ocp_traj.robot.joint_limits import JointLimits
-from ocp_traj.robot.urdf import urdf_root, urdf_text
+from ocp_traj.robot.urdf import urdf_limits, urdf_model, urdf_text
 
 EFFORT_UNITS = {"m": "N", "rad": "N m"}
 REACHED = 1e-6  # [m], and of a rotation's entries: how far a pose may be missed; our choice
@@ -167,6 +168,7 @@ class Robot:
         source: str | Path,
         *,
         limits: JointLimits | None = None,
+        file_limits: bool = True,
         tool_frame: str | None = None,
         locked: Mapping[str, float] | None = None,
         gravity: npt.ArrayLike = (0.0, 0.0, -9.81),
@@ -175,51 +177,44 @@ class Robot:
 
         Args:
             source: path of a file, or the XML itself (it begins with "<").
-            limits: override the file's, field by field.
+            limits: override the file's, field by field; needed where it says nothing (0, or between 0 and 0).
+            file_limits: whether the file's limits count at all.
             tool_frame: name of a link or frame of the file; ``None`` for the last joint's frame.
             locked: joints to fix, at a coordinate [m or rad] (a gripper's fingers, say).
             gravity: in the world [m/s^2].
         """
         text, origin = urdf_text(source)
-        locked = dict(locked or {})
-        for element in urdf_root(text, origin).iter("joint"):
-            if element.find("mimic") is not None and element.get("name") not in locked:
-                raise UnsupportedJoint(
-                    f"joint {element.get('name')!r} of {origin} is a mimic joint; allowed are revolute and prismatic "
-                    f"joints. Lock it: locked={{{element.get('name')!r}: 0.0}}"
-                )
-        try:
-            model = pin.buildModelFromXML(text)
-        except ValueError as error:
-            raise RobotDefinitionError(
-                f"{origin} is not a URDF pinocchio can read ({error}); see standard error"
-            ) from error
-        if locked:
-            coordinates, indices = pin.neutral(model), [joint_index(model, name) for name in locked]
-            for index, value in zip(indices, locked.values(), strict=True):
-                joint_is_revolute(model, index)
-                coordinates[model.joints[index].idx_q] = value
-            model = pin.buildReducedModel(model, indices, coordinates)
+        model = urdf_model(text, origin, locked or {})
         _set_gravity(model, gravity)
         tool, tool_joint = pin.SE3.Identity(), None
         if tool_frame is not None:
             frames = {frame.name: frame for frame in model.frames if frame.parentJoint > 0}
             if tool_frame not in frames:
-                raise RobotDefinitionError(f"{tool_frame!r} does not move in {origin}; frames are {sorted(frames)}")
+                like = nearest(tool_frame, frames)
+                raise RobotDefinitionError(
+                    f"{tool_frame!r} does not move in {origin}{like}; frames are {sorted(frames)}"
+                )
             tool, tool_joint = frames[tool_frame].placement, int(frames[tool_frame].parentJoint)
-        units = _units(model)
-        given = limits or JointLimits()
-        own = {
-            "position": (model.lowerPositionLimit, model.upperPositionLimit),
-            "velocity": model.upperVelocityLimit,
-            "effort": model.upperEffortLimit,
-        }
-        try:
-            own_limits = JointLimits(**{name: x for name, x in own.items() if getattr(given, name) is None})
-        except RobotDefinitionError as error:
-            names = list(model.names)[1:]
-            raise RobotDefinitionError(f"{origin}: {error} (joints {names}); override it with limits=") from error
-        return cls(model, tuple(model.names)[1:], units, own_limits.overridden_by(limits), tool, None, tool_joint)
+        units, given = _units(model), limits or JointLimits()
+        bounds = urdf_limits(model, origin, given) if file_limits else given
+        return cls(model, tuple(model.names)[1:], units, bounds, tool, None, tool_joint)
+
+    @classmethod
+    def from_description(
+        cls,
+        name: str,
+        *,
+        limits: JointLimits | None = None,
+        file_limits: bool = True,
+        tool_frame: str | None = None,
+        locked: Mapping[str, float] | None = None,
+        gravity: npt.ArrayLike = (0.0, 0.0, -9.81),
+    ) -> Self:
+        """Robot of the package ``example-robot-data`` by name, such as "ur5" or "panda"; see `from_urdf`."""
+        return cls.from_urdf(
+            description_urdf(name), limits=limits, file_limits=file_limits, tool_frame=tool_frame, locked=locked,
+            gravity=gravity,
+        )  # fmt: skip
 
     @classmethod
     def from_dh(
