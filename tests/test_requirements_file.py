@@ -390,5 +390,5 @@ def test_an_effort_of_a_robot_without_inertias_is_refused(tmp_path: Path) -> Non
     bare = re.sub(r"<inertial>.*?</inertial>", "", (folder / "arm.urdf").read_text(), flags=re.S)
     (tmp_path / "arm.urdf").write_text(bare)
     (tmp_path / "limits.toml").write_text((folder / "limits.toml").read_text())
-    with pytest.raises(FileFormatError, match="without mass"):
+    with pytest.raises(FileFormatError, match="without inertia beyond A"):
         read_requirements(tmp_path / "limits.toml")

@@ -28,6 +28,7 @@ from ocp_traj.formulation.requirements import (
 )
 from ocp_traj.robot.descriptions import description_urdf
 from ocp_traj.robot.dynamics import ROUND_OFF
+from ocp_traj.robot.inertias import missing_inertias
 from ocp_traj.robot.joint_limits import QUANTITIES, UNLIMITED, JointLimits
 from ocp_traj.robot.robot import EFFORT_UNITS, Robot
 
@@ -117,11 +118,10 @@ def read_requirements(path: str | Path) -> Requirements:
     constraints = list(standard.joint_limits(limits, joints, units))
     payload = _payload(file.table("payload", "mass", "parameter"))
     if (efforts := limits.bounds("effort")) is not None:
-        model = robot.model
-        ends = set(range(1, model.njoints)) - set(map(int, model.parents))
-        if massless := [model.names[i] for i in sorted(ends) if not model.inertias[i].mass > 0.0]:
+        if lacking := missing_inertias(robot.model):
             raise file.error(
-                "[effort]", f"means nothing for a robot without mass beyond {massless}; give it its inertias"
+                "[effort]",
+                f"means nothing for a robot without inertia beyond {', '.join(lacking)}; give it its inertias",
             )
         _require_exact(file, robot, payload or 0.0, efforts)
         labels = tuple(("tau_" if unit == "rad" else "F_") + joint for unit, joint in zip(units, joints, strict=True))

@@ -21,7 +21,7 @@ import pinocchio as pin
 from casadi import SX
 
 from ocp_traj.arrays import Array
-from ocp_traj.errors import InputError, RobotDefinitionError, UnsupportedJoint, nearest
+from ocp_traj.errors import InputError, RobotDefinitionError, UnsupportedJoint, nearest, quoted
 
 Vector = list[Any]  # three scalars, SX or float
 Matrix = list[Vector]  # three rows
@@ -63,6 +63,24 @@ class Friction(NamedTuple):
     coulomb: Any
     viscous: Any
     velocity_scale: Any
+
+
+def checked_friction(friction: Friction, size: int) -> Friction:
+    """The same in numbers ``(size,)`` each, refused where they are none, or negative, or the velocity scale is zero."""
+    checked = []
+    for name, value in friction._asdict().items():
+        try:
+            numbers = np.array(value, dtype=float)
+        except (TypeError, ValueError):
+            numbers = np.array(np.nan)
+        sound = (0.0 < numbers if name == "velocity_scale" else 0.0 <= numbers) & np.isfinite(numbers)
+        if numbers.shape not in ((), (size,)) or not sound.all():
+            least = "> 0" if name == "velocity_scale" else ">= 0"
+            raise RobotDefinitionError(
+                f"friction's {name} is {quoted(value)}, expected a finite number {least}, or {size} of them"
+            )
+        checked.append(np.broadcast_to(numbers, (size,)).copy())
+    return Friction(*checked)
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,7 @@ from ocp_traj.robot.dynamics import (
     Friction,
     Payload,
     Wrench,
+    checked_friction,
     column,
     forward_kinematics,
     inverse_dynamics,
@@ -32,6 +33,7 @@ from ocp_traj.robot.dynamics import (
     joint_is_revolute,
 )
 from ocp_traj.robot.joint_limits import JointLimits
+from ocp_traj.robot.payload import ToolPayload
 from ocp_traj.robot.urdf import urdf_limits, urdf_model, urdf_text
 
 EFFORT_UNITS = {"m": "N", "rad": "N m"}
@@ -58,6 +60,7 @@ class Robot:
         tool: the tool frame in the frame of the joint that carries it.
         actuator_map: ``None`` where the actuators drive the joints themselves.
         tool_joint: index or name of the joint that carries the tool; ``None`` for the last.
+        friction: of the actuators, in numbers; ``None`` for none.
     """
 
     model: pin.Model
@@ -67,6 +70,7 @@ class Robot:
     tool: pin.SE3 = field(default_factory=pin.SE3.Identity)
     actuator_map: ActuatorMap | None = None
     tool_joint: int | str | None = None
+    friction: Friction | None = None
 
     def __post_init__(self) -> None:
         """Check that the parts fit."""
@@ -80,6 +84,8 @@ class Robot:
             raise RobotDefinitionError(
                 f"limits are of {self.limits.size} joints, the robot has {n}: {list(self.joints)}"
             )
+        if self.friction is not None:
+            object.__setattr__(self, "friction", checked_friction(self.friction, n))
         shape = (n, 1) if self.actuator_map is None else self.actuator_map.position(SX.sym("q", n)).shape
         joint_index(self.model, self.tool_joint)
         if shape != (nv, 1):
@@ -102,7 +108,7 @@ class Robot:
         v: SX,
         a: SX,
         *,
-        payload: SX | float = 0.0,
+        payload: ToolPayload | SX | float = 0.0,
         tool_force: Any = None,
         friction: Friction | None = None,
     ) -> SX:
@@ -112,22 +118,26 @@ class Robot:
             q: ``(n,)``, [m or rad].
             v: ``(n,)``, [m/s or rad/s].
             a: ``(n,)``, [m/s^2 or rad/s^2].
-            payload: point mass at the tool frame's origin [kg].
+            payload: a body in the tool frame, or a point mass at its origin [kg].
             tool_force: ``(3,)``, exerted on the outside at the tool frame's origin, in the tool frame [N].
-            friction: of the actuators; see `joint_friction`.
+            friction: of the actuators, in place of the robot's own; see `joint_friction`.
 
         Returns:
             ``(n,)``, [N or N m].
         """
         s, rate, rate2, jacobian = self._serial(q, v, a)
-        held = Payload(payload, self.tool.translation, joint=self.tool_joint)
+        if isinstance(payload, ToolPayload):
+            held = payload.at(self.tool, self.tool_joint)
+        else:
+            held = Payload(payload, self.tool.translation, joint=self.tool_joint)
         wrench = None
         if tool_force is not None:
             force = ca.mtimes(SX(self.tool.rotation), SX(tool_force))
             wrench = Wrench(force, SX.zeros(3), self.tool.translation, self.tool_joint)
         tau = inverse_dynamics(self.model, s, rate, rate2, payload=held, tool_wrench=wrench)
         effort = ca.mtimes(jacobian.T, tau)
-        return effort if friction is None else effort + joint_friction(v, *friction)
+        rubbing = friction or self.friction
+        return effort if rubbing is None else effort + joint_friction(v, *rubbing)
 
     def tool_pose(self, q: SX) -> tuple[SX, SX]:
         """Rotation ``(3, 3)`` and position ``(3,)`` [m] of the tool frame in the world at q ``(n,)``."""
@@ -185,6 +195,8 @@ class Robot:
         """
         text, origin = urdf_text(source)
         model = urdf_model(text, origin, locked or {})
+        if model.nv == 0:
+            raise RobotDefinitionError(f"nothing moves in {origin}: all of its joints are fixed or locked")
         _set_gravity(model, gravity)
         tool, tool_joint = pin.SE3.Identity(), None
         if tool_frame is not None:

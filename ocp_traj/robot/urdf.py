@@ -12,9 +12,9 @@ import pinocchio as pin
 from ocp_traj.errors import FileFormatError, RobotDefinitionError, UnsupportedJoint, quoted
 from ocp_traj.files import LONGEST_PATH, read_text
 from ocp_traj.robot.dynamics import joint_index, joint_is_revolute
+from ocp_traj.robot.inertias import MOMENTS
 from ocp_traj.robot.joint_limits import JointLimits
 
-MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 LIMITED = ("revolute", "prismatic", "continuous")
 
 
@@ -23,6 +23,10 @@ def urdf_model(text: str, origin: str, locked: Mapping[str, float]) -> pin.Model
     root = urdf_root(text, origin)
     for element in root.iter("joint"):
         name = element.get("name")
+        if element.get("type") == "fixed":
+            if name in locked:
+                raise RobotDefinitionError(f"joint {name!r} of {origin} is fixed and needs no lock; leave it out")
+            continue
         if element.find("mimic") is not None and name not in locked:
             raise UnsupportedJoint(
                 f"joint {name!r} of {origin} is a mimic joint; allowed are revolute and prismatic "
