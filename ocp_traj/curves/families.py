@@ -155,6 +155,7 @@ def quartic_quintic(start: ArrayLike, via: Any, via_velocity: Any, goal: Any, du
 
 
 NONIC = 5  # states (q, v, a, jerk, snap) that two ends of a nonic share: 10 control points
+HERMITE = (2, 3, 4, 5)  # derivatives an end, q counted, that segments may share: degrees 3, 5, 7, 9
 
 
 def at_rest(q: ArrayLike) -> Array:
@@ -166,40 +167,51 @@ def at_rest(q: ArrayLike) -> Array:
 def nonic(states: Sequence[Any], durations: Any) -> PiecewiseBezier:
     """Bezier segments of degree 9 through tags whose derivatives up to snap are given: C4 throughout.
 
-    With V = v T / 9, A = a T^2 / 72, J = j T^3 / 504, S = s T^4 / 3024 at either end of a segment, its control points
-    are q0, q0 + V, q0 + 2V + A, q0 + 3V + 3A + J, q0 + 4V + 6A + 4J + S, and likewise back from the other end with the
-    signs of V and J turned. Ogbemhe et al. (2019), (5)-(18), where (16) and (18) are misprinted.
+    Ogbemhe et al. (2019), (5)-(18), where (16) and (18) are misprinted: ``hermite`` of (q, v, a, jerk, snap) at each of
+    K + 1 tags, ``(5, dof)`` each.
+    """
+    if any(state.shape[0] != NONIC for state in states):
+        raise ProblemDefinitionError(
+            f"nonic segments need q and 4 derivatives at each tag; got {sorted({state.shape[0] for state in states})} rows"
+        )
+    return hermite(states, durations)
+
+
+def hermite(states: Sequence[Any], durations: Any) -> PiecewiseBezier:
+    """Segments of degree 2r - 1 between knots whose states of r rows are given: C^(r-1) throughout.
+
+    With D_k = q^(k) T^k (n - k)! / n! at either end of a segment of degree n, its control points are
+    P_i = sum_k binomial(i, k) D_k, i < r, and likewise back from the other end with the signs of odd k turned; Farin
+    (2002), sect. 5.3. A segment depends on its own two states and its duration alone.
 
     Args:
-        states: (q, v, a, jerk, snap) at each of K + 1 tags, ``(5, dof)`` each, numbers or casadi SX.
+        states: (q, v, a, ..) at each of K + 1 knots, ``(r, dof)`` each with r from 2 to 5, numbers or casadi SX.
         durations: T ``(K,)`` [s].
 
     Returns:
-        K segments of degree 9; numeric where every argument is.
+        K segments; numeric where every argument is.
     """
     symbolic = any(isinstance(argument, casadi.SX) for argument in (*states, durations))
     times = casadi.SX(durations) if symbolic else np.asarray(durations, dtype=float)
-    if times.shape[0] != len(states) - 1 or any(state.shape[0] != NONIC for state in states):
+    sizes = {int(state.shape[0]) for state in states}
+    if times.shape[0] != len(states) - 1 or len(sizes) != 1 or not sizes <= set(HERMITE):
         raise ProblemDefinitionError(
-            f"nonic segments between {len(states)} tags need {len(states) - 1} durations and 5 derivatives a tag; got "
-            f"{times.shape[0]} and {sorted({state.shape[0] for state in states})}"
+            f"segments between {len(states)} knots need {len(states) - 1} durations and q with 1 to 4 derivatives at "
+            f"each, as many at all; got {times.shape[0]} durations and states of {sorted(sizes)} rows"
         )
+    (r,) = sizes
     # Row i of (1, i, i (i - 1) / 2, ..): binomials turn scaled derivatives into control points from an end.
-    pascal = np.array([[comb(i, k) for k in range(NONIC)] for i in range(NONIC)], dtype=float)
-    turned = np.array([1.0, -1.0, 1.0, -1.0, 1.0])
-    falling = np.array([perm(9, k) for k in range(NONIC)], dtype=float)
+    pascal = np.array([[comb(i, k) for k in range(r)] for i in range(r)], dtype=float)
+    binomials = casadi.SX(casadi.sparsify(casadi.DM(pascal)))
+    signs = np.ones(r), (-1.0) ** np.arange(r)
+    falling = np.array([perm(2 * r - 1, k) for k in range(r)], dtype=float)
     segments = []
     for k in range(len(states) - 1):
-        scale = [times[k] ** order / falling[order] for order in range(NONIC)]
+        scale = [times[k] ** order / falling[order] for order in range(r)]
         ends = []
-        for state, sign in ((states[k], np.ones(NONIC)), (states[k + 1], turned)):
-            rows = [state[order, :] * (scale[order] * sign[order]) for order in range(NONIC)]
-            if symbolic:
-                ends.append(casadi.mtimes(casadi.SX(casadi.sparsify(casadi.DM(pascal))), casadi.vertcat(*rows)))
-            else:
-                ends.append(pascal @ np.stack(rows))
+        for state, sign in zip((states[k], states[k + 1]), signs, strict=True):
+            rows = [state[order, :] * (scale[order] * sign[order]) for order in range(r)]
+            ends.append(casadi.mtimes(binomials, casadi.vertcat(*rows)) if symbolic else pascal @ np.stack(rows))
         first, last = ends
-        segments.append(
-            casadi.vertcat(first, last[::-1, :]) if symbolic else np.concatenate([first, last[::-1]])
-        )  # fmt: skip
+        segments.append(casadi.vertcat(first, last[::-1, :]) if symbolic else np.concatenate([first, last[::-1]]))
     return PiecewiseBezier(times, tuple(segments))
