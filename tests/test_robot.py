@@ -469,6 +469,10 @@ def test_urdf_joint_can_be_locked() -> None:
         Robot.from_urdf(mimic)
     with pytest.raises(RobotDefinitionError, match="'claw' is not a joint of 'arm'"):
         Robot.from_urdf(URDF, locked={"claw": 0.0})
+    with pytest.raises(RobotDefinitionError, match=r"'grap' is not a joint of 'arm' \(nearest is 'grip'\)"):
+        Robot.from_urdf(URDF, locked={"grap": 0.0})
+    with pytest.raises(RobotDefinitionError, match="joint 'grip' is locked at nan; give a finite coordinate"):
+        Robot.from_urdf(URDF, locked={"grip": np.nan})
 
 
 @pytest.mark.parametrize(
@@ -483,12 +487,17 @@ def test_urdf_joint_can_be_locked() -> None:
         ),
         (
             URDF.replace('velocity="0.2"', 'velocity="0"'),
-            r"velocity limit of joint 2 is .*'slide'.*override it with limits=",
+            r"the velocity limit of 'slide' is 0, which means not given; write it there, or override it with limits=",
         ),
         (
-            URDF.replace('"revolute"', '"continuous"'),
-            "joint 'shoulder' of 'arm' is a RUBZ.*Give a continuous joint limits",
+            URDF.replace('lower="-1" upper="2" ', ""),
+            r"the position limit of 'shoulder' is 0, which means not given; write it there, or override it",
         ),
+        (
+            URDF.replace(SHOULDER, '<axis xyz="0 0 1"/>'),
+            "the position limit of 'shoulder' is 0, which means not given",
+        ),
+        (URDF.replace('lower="-1" upper="2"', 'lower="2" upper="-1"'), "position limit of joint 1 is .*'shoulder'"),
         (URDF.replace('"revolute"', '"planar"'), "joint 'shoulder' of 'arm' is a "),
     ],
 )
@@ -508,7 +517,8 @@ def test_bad_urdf_source_is_explained(tmp_path: Path) -> None:
     with pytest.raises(RobotDefinitionError, match="cannot read the URDF file .*: it is not text"):
         Robot.from_urdf(binary)
     with pytest.raises(
-        RobotDefinitionError, match=r"'gripper' does not move in the URDF string; frames are \['finger', 'fore'"
+        RobotDefinitionError,
+        match=r"'gripper' does not move in the URDF string \(nearest is 'grip'\); frames are \['finger', 'fore'",
     ):
         Robot.from_urdf(URDF, tool_frame="gripper")
     with pytest.raises(RobotDefinitionError, match="'base' does not move"):

@@ -26,7 +26,9 @@ from ocp_traj.formulation.requirements import (
     Requirements,
     State,
 )
+from ocp_traj.robot.descriptions import description_urdf
 from ocp_traj.robot.dynamics import ROUND_OFF
+from ocp_traj.robot.inertias import missing_inertias
 from ocp_traj.robot.joint_limits import QUANTITIES, UNLIMITED, JointLimits
 from ocp_traj.robot.robot import EFFORT_UNITS, Robot
 
@@ -116,11 +118,10 @@ def read_requirements(path: str | Path) -> Requirements:
     constraints = list(standard.joint_limits(limits, joints, units))
     payload = _payload(file.table("payload", "mass", "parameter"))
     if (efforts := limits.bounds("effort")) is not None:
-        model = robot.model
-        ends = set(range(1, model.njoints)) - set(map(int, model.parents))
-        if massless := [model.names[i] for i in sorted(ends) if not model.inertias[i].mass > 0.0]:
+        if lacking := missing_inertias(robot.model):
             raise file.error(
-                "[effort]", f"means nothing for a robot without mass beyond {massless}; give it its inertias"
+                "[effort]",
+                f"means nothing for a robot without inertia beyond {', '.join(lacking)}; give it its inertias",
             )
         _require_exact(file, robot, payload or 0.0, efforts)
         labels = tuple(("tau_" if unit == "rad" else "F_") + joint for unit, joint in zip(units, joints, strict=True))
@@ -187,10 +188,10 @@ def _bounds(table: _Table, labels: Names, what: str, optional: bool = False) -> 
 
 def _robot(file: _Table, joints: Names, units: Names, given: JointLimits) -> tuple[Any, JointLimits]:
     """The robot, if there is one, and the limits: the given ones, and its own beside them where those are wanted."""
-    table = file.table("robot", "urdf", "problem", "gravity", "tool_frame", "limits")
+    table = file.table("robot", "urdf", "description", "problem", "gravity", "tool_frame", "locked", "limits")
     if not table.values:
         for name in (n for n in ("effort", "tool") if n in file.values):
-            raise file.error(f"[{name}]", "needs the robot; give [robot] with urdf or problem")
+            raise file.error(f"[{name}]", "needs the robot; give [robot] with urdf, description or problem")
         return None, given
     own = table.get("limits", bool, "true or false", default=False)
     if "problem" in table.values:
@@ -198,16 +199,22 @@ def _robot(file: _Table, joints: Names, units: Names, given: JointLimits) -> tup
         known = problems.names()
         robot = problems.load(table.get("problem", str, f"one of {', '.join(known)}", lambda x: x in known)).robot
     else:
-        free = np.outer([-1.0, 1.0], np.full(len(joints), np.inf))  # in place of the URDF's own, sound or not
-        wanted = given if own else JointLimits(position=free, velocity=free, effort=free)
-        urdf = table.get("urdf", str, "the path of a URDF file, from this file's folder; or problem")
+        kind = "description" if "description" in table.values else "urdf"
+        if kind == "description":
+            table.only("description", "gravity", "tool_frame", "locked", "limits")
+        source = table.get(kind, str, "the path of a URDF file, from this file's folder; or description, or problem")
         frame = table.get("tool_frame", str, "the name of a link or frame", default="") or None
         gravity = table.numbers("gravity", 3, "x, y, z [m/s2] in the world", GRAVITY)
+        wanted = f"a table of joints and where to hold them, such as {{ finger = 0.02 }} [m or rad] ({SI})"
+        locked = table.get("locked", dict, wanted, lambda v: _are_numbers(list(v.values())), {})
         try:
-            robot = Robot.from_urdf(file.path.parent / urdf, limits=wanted, tool_frame=frame, gravity=gravity)
+            urdf = description_urdf(source) if kind == "description" else file.path.parent / source
+            robot = Robot.from_urdf(
+                urdf, limits=given if own else None, file_limits=own, tool_frame=frame, locked=locked, gravity=gravity
+            )
         except InputError as error:
             fault = " ".join(str(error).split()).replace("override it with limits=", "give that table in this file")
-            raise table.error("urdf:", fault) from error
+            raise table.error(f"{kind}:", fault) from error
     theirs, ours = (dict(zip(*pair, strict=True)) for pair in ((robot.joints, robot.units), (joints, units)))
     if list(theirs.items()) != list(ours.items()):
         raise table.error("has the joints", f"{theirs}, this file {ours}; give the same, in the same order")

@@ -6,12 +6,16 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ocp_traj.errors import RobotDefinitionError, UnsupportedJoint
+from ocp_traj.errors import RobotDefinitionError, UnsupportedJoint, quoted
+from ocp_traj.robot.inertias import inertia_matrix
 
 
 @dataclass(frozen=True, eq=False)
 class LinkInertia:
-    """Mass [kg], centre of mass ``(3,)`` [m] and inertia ``(3, 3)`` about it [kg m^2], in the link frame's axes."""
+    """Mass [kg], centre of mass ``(3,)`` [m] and inertia about it [kg m^2], in the link frame's axes.
+
+    The inertia is given as `inertia_matrix` takes it, and stored as ``(3, 3)``.
+    """
 
     mass: float
     centre: Any = (0.0, 0.0, 0.0)
@@ -19,18 +23,16 @@ class LinkInertia:
 
     def __post_init__(self) -> None:
         """Check and store as arrays."""
-        centre, inertia = np.array(self.centre, dtype=float), np.array(self.inertia, dtype=float)
+        try:
+            centre = np.array(self.centre, dtype=float)
+        except (TypeError, ValueError):
+            centre = np.array(np.nan)
         if not 0.0 <= self.mass < np.inf:
             raise RobotDefinitionError(f"a link's mass is {self.mass} kg, expected finite and >= 0")
-        if centre.shape != (3,) or inertia.shape != (3, 3) or not np.isfinite([*centre, *inertia.flat]).all():
-            raise RobotDefinitionError(
-                f"a link has centre {centre.tolist()} and inertia {inertia.tolist()}, expected finite (3,) and (3, 3)"
-            )
-        scale = 1e-9 * np.abs(inertia).max()  # [kg m^2], slack for rounded data: our choice
-        if np.abs(inertia - inertia.T).max() > scale or np.linalg.eigvalsh(inertia).min() < -scale:
-            raise RobotDefinitionError(f"inertia {inertia.tolist()} is not symmetric and positive semidefinite")
+        if centre.shape != (3,) or not np.isfinite(centre).all():
+            raise RobotDefinitionError(f"a link has centre {quoted(self.centre)}, expected three finite numbers [m]")
         object.__setattr__(self, "centre", centre)
-        object.__setattr__(self, "inertia", (inertia + inertia.T) / 2.0)
+        object.__setattr__(self, "inertia", inertia_matrix(self.inertia))
 
 
 @dataclass(frozen=True)

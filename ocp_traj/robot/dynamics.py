@@ -21,7 +21,7 @@ import pinocchio as pin
 from casadi import SX
 
 from ocp_traj.arrays import Array
-from ocp_traj.errors import InputError, RobotDefinitionError, UnsupportedJoint
+from ocp_traj.errors import InputError, RobotDefinitionError, UnsupportedJoint, nearest, quoted
 
 Vector = list[Any]  # three scalars, SX or float
 Matrix = list[Vector]  # three rows
@@ -65,6 +65,24 @@ class Friction(NamedTuple):
     velocity_scale: Any
 
 
+def checked_friction(friction: Friction, size: int) -> Friction:
+    """The same in numbers ``(size,)`` each, refused where they are none, or negative, or the velocity scale is zero."""
+    checked = []
+    for name, value in friction._asdict().items():
+        try:
+            numbers = np.array(value, dtype=float)
+        except (TypeError, ValueError):
+            numbers = np.array(np.nan)
+        sound = (0.0 < numbers if name == "velocity_scale" else 0.0 <= numbers) & np.isfinite(numbers)
+        if numbers.shape not in ((), (size,)) or not sound.all():
+            least = "> 0" if name == "velocity_scale" else ">= 0"
+            raise RobotDefinitionError(
+                f"friction's {name} is {quoted(value)}, expected a finite number {least}, or {size} of them"
+            )
+        checked.append(np.broadcast_to(numbers, (size,)).copy())
+    return Friction(*checked)
+
+
 @dataclass(frozen=True, eq=False)
 class _Joint:
     """A joint whose axis is the z axis of its re-aligned frame."""
@@ -96,7 +114,10 @@ def joint_index(model: pin.Model, joint: int | str | None) -> int:
     if isinstance(index, str):
         index = model.getJointId(index) if model.existJointName(index) else -1
     if not 1 <= index < model.njoints:
-        raise RobotDefinitionError(f"{joint!r} is not a joint of {model.name!r}; joints are {list(model.names)[1:]}")
+        names = list(model.names)[1:]
+        raise RobotDefinitionError(
+            f"{joint!r} is not a joint of {model.name!r}{nearest(str(joint), names)}; joints are {names}"
+        )
     return int(index)
 
 

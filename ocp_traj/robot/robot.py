@@ -17,12 +17,14 @@ import pinocchio as pin
 from casadi import SX
 
 from ocp_traj.arrays import Array
-from ocp_traj.errors import RobotDefinitionError, UnsupportedJoint
+from ocp_traj.errors import RobotDefinitionError, nearest
 from ocp_traj.robot.chain import AxisJoint, Chain, DHRow, LinkInertia, screw
+from ocp_traj.robot.descriptions import description_urdf
 from ocp_traj.robot.dynamics import (
     Friction,
     Payload,
     Wrench,
+    checked_friction,
     column,
     forward_kinematics,
     inverse_dynamics,
@@ -31,7 +33,8 @@ from ocp_traj.robot.dynamics import (
     joint_is_revolute,
 )
 from ocp_traj.robot.joint_limits import JointLimits
-from ocp_traj.robot.urdf import urdf_root, urdf_text
+from ocp_traj.robot.payload import ToolPayload
+from ocp_traj.robot.urdf import urdf_limits, urdf_model, urdf_text
 
 EFFORT_UNITS = {"m": "N", "rad": "N m"}
 REACHED = 1e-6  # [m], and of a rotation's entries: how far a pose may be missed; our choice
@@ -57,6 +60,7 @@ class Robot:
         tool: the tool frame in the frame of the joint that carries it.
         actuator_map: ``None`` where the actuators drive the joints themselves.
         tool_joint: index or name of the joint that carries the tool; ``None`` for the last.
+        friction: of the actuators, in numbers; ``None`` for none.
     """
 
     model: pin.Model
@@ -66,6 +70,7 @@ class Robot:
     tool: pin.SE3 = field(default_factory=pin.SE3.Identity)
     actuator_map: ActuatorMap | None = None
     tool_joint: int | str | None = None
+    friction: Friction | None = None
 
     def __post_init__(self) -> None:
         """Check that the parts fit."""
@@ -79,6 +84,8 @@ class Robot:
             raise RobotDefinitionError(
                 f"limits are of {self.limits.size} joints, the robot has {n}: {list(self.joints)}"
             )
+        if self.friction is not None:
+            object.__setattr__(self, "friction", checked_friction(self.friction, n))
         shape = (n, 1) if self.actuator_map is None else self.actuator_map.position(SX.sym("q", n)).shape
         joint_index(self.model, self.tool_joint)
         if shape != (nv, 1):
@@ -101,7 +108,7 @@ class Robot:
         v: SX,
         a: SX,
         *,
-        payload: SX | float = 0.0,
+        payload: ToolPayload | SX | float = 0.0,
         tool_force: Any = None,
         friction: Friction | None = None,
     ) -> SX:
@@ -111,22 +118,26 @@ class Robot:
             q: ``(n,)``, [m or rad].
             v: ``(n,)``, [m/s or rad/s].
             a: ``(n,)``, [m/s^2 or rad/s^2].
-            payload: point mass at the tool frame's origin [kg].
+            payload: a body in the tool frame, or a point mass at its origin [kg].
             tool_force: ``(3,)``, exerted on the outside at the tool frame's origin, in the tool frame [N].
-            friction: of the actuators; see `joint_friction`.
+            friction: of the actuators, in place of the robot's own; see `joint_friction`.
 
         Returns:
             ``(n,)``, [N or N m].
         """
         s, rate, rate2, jacobian = self._serial(q, v, a)
-        held = Payload(payload, self.tool.translation, joint=self.tool_joint)
+        if isinstance(payload, ToolPayload):
+            held = payload.at(self.tool, self.tool_joint)
+        else:
+            held = Payload(payload, self.tool.translation, joint=self.tool_joint)
         wrench = None
         if tool_force is not None:
             force = ca.mtimes(SX(self.tool.rotation), SX(tool_force))
             wrench = Wrench(force, SX.zeros(3), self.tool.translation, self.tool_joint)
         tau = inverse_dynamics(self.model, s, rate, rate2, payload=held, tool_wrench=wrench)
         effort = ca.mtimes(jacobian.T, tau)
-        return effort if friction is None else effort + joint_friction(v, *friction)
+        rubbing = friction or self.friction
+        return effort if rubbing is None else effort + joint_friction(v, *rubbing)
 
     def tool_pose(self, q: SX) -> tuple[SX, SX]:
         """Rotation ``(3, 3)`` and position ``(3,)`` [m] of the tool frame in the world at q ``(n,)``."""
@@ -167,6 +178,7 @@ class Robot:
         source: str | Path,
         *,
         limits: JointLimits | None = None,
+        file_limits: bool = True,
         tool_frame: str | None = None,
         locked: Mapping[str, float] | None = None,
         gravity: npt.ArrayLike = (0.0, 0.0, -9.81),
@@ -175,51 +187,46 @@ class Robot:
 
         Args:
             source: path of a file, or the XML itself (it begins with "<").
-            limits: override the file's, field by field.
+            limits: override the file's, field by field; needed where it says nothing (0, or between 0 and 0).
+            file_limits: whether the file's limits count at all.
             tool_frame: name of a link or frame of the file; ``None`` for the last joint's frame.
             locked: joints to fix, at a coordinate [m or rad] (a gripper's fingers, say).
             gravity: in the world [m/s^2].
         """
         text, origin = urdf_text(source)
-        locked = dict(locked or {})
-        for element in urdf_root(text, origin).iter("joint"):
-            if element.find("mimic") is not None and element.get("name") not in locked:
-                raise UnsupportedJoint(
-                    f"joint {element.get('name')!r} of {origin} is a mimic joint; allowed are revolute and prismatic "
-                    f"joints. Lock it: locked={{{element.get('name')!r}: 0.0}}"
-                )
-        try:
-            model = pin.buildModelFromXML(text)
-        except ValueError as error:
-            raise RobotDefinitionError(
-                f"{origin} is not a URDF pinocchio can read ({error}); see standard error"
-            ) from error
-        if locked:
-            coordinates, indices = pin.neutral(model), [joint_index(model, name) for name in locked]
-            for index, value in zip(indices, locked.values(), strict=True):
-                joint_is_revolute(model, index)
-                coordinates[model.joints[index].idx_q] = value
-            model = pin.buildReducedModel(model, indices, coordinates)
+        model = urdf_model(text, origin, locked or {})
+        if model.nv == 0:
+            raise RobotDefinitionError(f"nothing moves in {origin}: all of its joints are fixed or locked")
         _set_gravity(model, gravity)
         tool, tool_joint = pin.SE3.Identity(), None
         if tool_frame is not None:
             frames = {frame.name: frame for frame in model.frames if frame.parentJoint > 0}
             if tool_frame not in frames:
-                raise RobotDefinitionError(f"{tool_frame!r} does not move in {origin}; frames are {sorted(frames)}")
+                like = nearest(tool_frame, frames)
+                raise RobotDefinitionError(
+                    f"{tool_frame!r} does not move in {origin}{like}; frames are {sorted(frames)}"
+                )
             tool, tool_joint = frames[tool_frame].placement, int(frames[tool_frame].parentJoint)
-        units = _units(model)
-        given = limits or JointLimits()
-        own = {
-            "position": (model.lowerPositionLimit, model.upperPositionLimit),
-            "velocity": model.upperVelocityLimit,
-            "effort": model.upperEffortLimit,
-        }
-        try:
-            own_limits = JointLimits(**{name: x for name, x in own.items() if getattr(given, name) is None})
-        except RobotDefinitionError as error:
-            names = list(model.names)[1:]
-            raise RobotDefinitionError(f"{origin}: {error} (joints {names}); override it with limits=") from error
-        return cls(model, tuple(model.names)[1:], units, own_limits.overridden_by(limits), tool, None, tool_joint)
+        units, given = _units(model), limits or JointLimits()
+        bounds = urdf_limits(model, origin, given) if file_limits else given
+        return cls(model, tuple(model.names)[1:], units, bounds, tool, None, tool_joint)
+
+    @classmethod
+    def from_description(
+        cls,
+        name: str,
+        *,
+        limits: JointLimits | None = None,
+        file_limits: bool = True,
+        tool_frame: str | None = None,
+        locked: Mapping[str, float] | None = None,
+        gravity: npt.ArrayLike = (0.0, 0.0, -9.81),
+    ) -> Self:
+        """Robot of the package ``example-robot-data`` by name, such as "ur5" or "panda"; see `from_urdf`."""
+        return cls.from_urdf(
+            description_urdf(name), limits=limits, file_limits=file_limits, tool_frame=tool_frame, locked=locked,
+            gravity=gravity,
+        )  # fmt: skip
 
     @classmethod
     def from_dh(

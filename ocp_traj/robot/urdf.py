@@ -1,13 +1,90 @@
-"""Reads a URDF far enough to say in one line what is wrong with it; pinocchio does the rest."""
+"""A URDF's model and limits: read far enough to say in one line what is wrong; pinocchio does the rest."""
 
 import math
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
 from pathlib import Path
+from sys import float_info
 
-from ocp_traj.errors import FileFormatError, RobotDefinitionError, quoted
+import numpy as np
+import pinocchio as pin
+
+from ocp_traj.errors import FileFormatError, RobotDefinitionError, UnsupportedJoint, quoted
 from ocp_traj.files import LONGEST_PATH, read_text
+from ocp_traj.robot.dynamics import joint_index, joint_is_revolute
+from ocp_traj.robot.inertias import MOMENTS
+from ocp_traj.robot.joint_limits import JointLimits
 
-MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+LIMITED = ("revolute", "prismatic", "continuous")
+
+
+def urdf_model(text: str, origin: str, locked: Mapping[str, float]) -> pin.Model:
+    """The model, some joints fixed at a coordinate [m or rad]; a continuous joint is a revolute one without limits."""
+    root = urdf_root(text, origin)
+    for element in root.iter("joint"):
+        name = element.get("name")
+        if element.get("type") == "fixed":
+            if name in locked:
+                raise RobotDefinitionError(f"joint {name!r} of {origin} is fixed and needs no lock; leave it out")
+            continue
+        if element.find("mimic") is not None and name not in locked:
+            raise UnsupportedJoint(
+                f"joint {name!r} of {origin} is a mimic joint; allowed are revolute and prismatic "
+                f"joints. Lock it: locked={{{name!r}: 0.0}}"
+            )
+        if element.get("type") in LIMITED:
+            _complete_limit(element)
+    try:
+        model = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
+    except ValueError as error:
+        raise RobotDefinitionError(
+            f"{origin} is not a URDF pinocchio can read ({error}); see standard error"
+        ) from error
+    if not locked:
+        return model
+    coordinates, indices = pin.neutral(model), [joint_index(model, name) for name in locked]
+    for index, (name, value) in zip(indices, locked.items(), strict=True):
+        joint_is_revolute(model, index)
+        if not math.isfinite(value):
+            raise RobotDefinitionError(f"joint {name!r} is locked at {value}; give a finite coordinate [m or rad]")
+        coordinates[model.joints[index].idx_q] = value
+    return pin.buildReducedModel(model, indices, coordinates)
+
+
+def _complete_limit(joint: ElementTree.Element) -> None:
+    """Writes what the reader would refuse a joint without: 0 where nothing is given, no bounds if it is continuous."""
+    limit = joint.find("limit")
+    limit = ElementTree.SubElement(joint, "limit") if limit is None else limit
+    for name in ("velocity", "effort"):
+        limit.set(name, limit.get(name, "0"))
+    if joint.get("type") == "continuous":
+        joint.set("type", "revolute")
+        limit.set("lower", repr(-float_info.max))
+        limit.set("upper", repr(float_info.max))
+
+
+def urdf_limits(model: pin.Model, origin: str, given: JointLimits) -> JointLimits:
+    """The model's limits of position, velocity and effort, those that are given in place of it.
+
+    A velocity or effort of 0, and a position between 0 and 0, is what the file does not say: it has to be given.
+    """
+    own = {
+        "position": (model.lowerPositionLimit, model.upperPositionLimit),
+        "velocity": (-model.upperVelocityLimit, model.upperVelocityLimit),
+        "effort": (-model.upperEffortLimit, model.upperEffortLimit),
+    }
+    names = list(model.names)[1:]
+    remedy = "write it there, or override it with limits= (inf: no limit)"
+    wanted = {name: np.array(pair) for name, pair in own.items() if getattr(given, name) is None}
+    for quantity, pair in wanted.items():
+        if missing := ", ".join(repr(names[i]) for i in np.flatnonzero((pair == 0.0).all(axis=0))):
+            raise RobotDefinitionError(
+                f"{origin}: the {quantity} limit of {missing} is 0, which means not given; {remedy}"
+            )
+    try:
+        return JointLimits(**wanted).overridden_by(given)
+    except RobotDefinitionError as error:
+        raise RobotDefinitionError(f"{origin}: {error} (joints {names}); {remedy}") from error
 
 
 def urdf_text(source: str | Path) -> tuple[str, str]:

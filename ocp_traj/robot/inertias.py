@@ -1,0 +1,62 @@
+"""Moments of inertia as plain numbers, and the joints of a robot that move nothing with inertia."""
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ocp_traj.arrays import Array
+from ocp_traj.errors import RobotDefinitionError, quoted
+
+NEGLIGIBLE = 1e-14  # of the largest inertia felt at a joint: rounding of what is zero, our choice
+MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")  # a URDF's order
+
+
+def inertia_matrix(value: Any) -> Array:
+    """Moments of inertia ``(3, 3)``, symmetric and positive semidefinite [kg m^2].
+
+    Args:
+        value: ``(3, 3)``, three principal moments, or ixx, ixy, ixz, iyy, iyz, izz.
+    """
+    try:
+        given = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        given = np.array(np.nan)
+    if given.shape not in ((3,), (6,), (3, 3)) or not np.isfinite(given).all():
+        raise RobotDefinitionError(
+            f"an inertia is {quoted(value)}, expected finite numbers [kg m^2]: three principal moments, "
+            f"{', '.join(MOMENTS)}, or (3, 3)"
+        )
+    if given.shape == (6,):
+        matrix = np.empty((3, 3))
+        matrix[np.triu_indices(3)] = matrix.T[np.triu_indices(3)] = given
+    else:
+        matrix = np.diag(given) if given.shape == (3,) else given
+    scale = 1e-9 * np.abs(matrix).max()  # [kg m^2], slack for rounded data: our choice
+    if np.abs(matrix - matrix.T).max() > scale or np.linalg.eigvalsh(matrix).min() < -scale:
+        raise RobotDefinitionError(f"inertia {matrix.tolist()} is not symmetric and positive semidefinite")
+    return np.asarray((matrix + matrix.T) / 2.0)
+
+
+def missing_inertias(model: pin.Model) -> tuple[str, ...]:
+    """Names of joints that feel no inertia of what they move, whose effort would be zero whatever the motion.
+
+    A massless link between others is none: what counts is all that moves with the joint, armature included.
+    """
+    weightless = model.copy()
+    weightless.gravity = pin.Motion.Zero()
+    data = weightless.createData()
+    q = 0.7 * np.arange(1.0, model.nq + 1.0)  # any posture that is not aligned by chance
+    felt = np.array(
+        [pin.rnea(weightless, data, q, np.zeros(model.nv), unit)[i] for i, unit in enumerate(np.eye(model.nv))]
+    )
+    return tuple(model.names[int(i) + 1] for i in np.flatnonzero(felt <= NEGLIGIBLE * felt.max()))
+
+
+def require_inertias(model: pin.Model, wanted: str) -> None:
+    """Refuses by name what needs efforts, such as "a limit on effort", of a model with inertias missing."""
+    if missing := missing_inertias(model):
+        raise RobotDefinitionError(
+            f"{wanted} needs inertias, and nothing with inertia moves with {', '.join(map(repr, missing))}: "
+            "give the links beyond a mass, com and inertia, or lock the joint"
+        )
