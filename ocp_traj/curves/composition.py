@@ -1,11 +1,11 @@
 """Polynomials of polynomials: q(s(u)) of a path and a time law, one Bezier segment of the product of their degrees.
 
-With S_i = C(d, i) s_i the scaled control points of the law, those of products are convolutions, so that
+With S_i = C(d, i) s_i the scaled control points of the law and R those of 1 - s, those of a product are a convolution:
 
-    q(s(u)) = sum_i P_i B_i(s(u)),   scaled control points of B_i(s) = C(n, i) s^i (1 - s)^(n - i):  C(n, i) S^i R^(n - i)
+    q(s(u)) = sum_i P_i B_i(s(u)),   B_i(s) = C(n, i) s^i (1 - s)^(n - i)   has   C(n, i) S * .. * S * R * .. * R.
 
-with R those of 1 - s. Where the law's control points are within [0, 1] all terms are positive, so that nothing cancels;
-DeRose (1988), ACM Transactions on Graphics 7(3), has the general case.
+Where the law's control points are within [0, 1] all terms are positive, so that nothing cancels. DeRose (1988), ACM
+Transactions on Graphics 7(3), has the general case.
 """
 
 from __future__ import annotations
