@@ -1,5 +1,7 @@
-"""What many via points cost: seconds, rows and peak memory of time-optimal quintics of a UR5, one piece from each to
-the next, limits up to jerk and on torques, building and proof included.
+"""What many via points cost: seconds, rows and peak memory, building and proof included.
+
+Time-optimal quintics of a UR5, one piece from each point to the next, limits up to jerk, held at control points, and on
+torques.
 
     python -m benchmarks.via_points [POINTS ..]
 
@@ -17,7 +19,7 @@ from multiprocessing import get_context
 import numpy as np
 
 import ocp_traj as ot
-from tests.quintics import quintics, ur5, wander
+from tests.quintics import held_at_control_points, quintics, ur5, wander
 
 COUNTS = (10, 100, 1000)
 REPEAT = 3
@@ -28,7 +30,7 @@ def cost(count: int) -> dict[str, float]:
     robot, points = ur5(), wander(count)
     ot.solve(quintics(robot, wander(3), 1))  # imports
     before, begun = _peak(), time.perf_counter()
-    found = ot.solve(quintics(robot, points, 1))
+    found = ot.solve(held_at_control_points(quintics(robot, points, 1)))
     proved = found.audit is not None and found.audit.proved
     return {
         "seconds": time.perf_counter() - begun, "rows": float(found.row_count), "MB": _peak() - before,
