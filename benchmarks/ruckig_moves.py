@@ -17,9 +17,9 @@ from ruckig import InputParameter, Ruckig, Trajectory
 
 import ocp_traj as ot
 from ocp_traj.arrays import Array
+from ocp_traj.formulation.levels import usual_levels
 from tests.quintics import move, refined, ur5
 
-FIRST, FINEST = 8, 16  # pieces of the levels
 SEED = 0  # of the first move; the others follow
 
 
@@ -34,12 +34,13 @@ def optimum(robot: ot.Robot, points: Array) -> float:
     return float(found.duration)
 
 
-def report(title: str, robot: ot.Robot, moves: list[Array], torque: bool, **curve: object) -> bool:
+def report(title: str, robot: ot.Robot, moves: list[Array], torque: bool, degree: int = 5) -> bool:
     """Solves all moves and prints a line; whether all are proved."""
     ratios, seconds, proved = [], [], 0
+    coarsest, finest = usual_levels(degree, stops_only=True)
     for points in moves:
         begun = time.perf_counter()
-        found = ot.solve(refined(robot, points, FIRST, FINEST, torque=torque, **curve))
+        found = ot.solve(refined(robot, points, coarsest, finest, torque=torque, degree=degree))
         seconds.append(time.perf_counter() - begun)
         proved += found.audit is not None and found.audit.proved
         ratios.append(found.f / optimum(robot, points))
@@ -58,7 +59,7 @@ def main() -> None:
     asked = parser.parse_args()
     moves = [move(SEED + i) for i in range(asked.moves)]
     robot, smooth = ur5(), ur5(snap=(asked.snap,) * 6)
-    ot.solve(refined(robot, moves[0], FIRST, FINEST))  # warm
+    ot.solve(refined(robot, moves[0], *usual_levels(5, stops_only=True)))  # warm
     done = [
         report("velocity, acceleration, jerk; quintics", robot, moves, torque=False),
         report("and torque; quintics", robot, moves, torque=True),
