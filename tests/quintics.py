@@ -14,7 +14,7 @@ import ocp_traj as ot
 from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.formulation import standard
-from ocp_traj.formulation.knot_states import knot_states
+from ocp_traj.formulation.knot_states import SOLVER_OPTIONS, knot_states
 from ocp_traj.formulation.levels import cut, levels_of
 from ocp_traj.formulation.objective import gauss
 from ocp_traj.formulation.parametrisation import Parametrisation
@@ -97,7 +97,7 @@ def quintics(
         guess=made.guess,
         dilate=made.dilate,
         reference_point={"time": 10.0, "energy": 1e5},
-        tuning=Tuning(hull_rows=hull),
+        tuning=Tuning(hull_rows=hull, solver_options=SOLVER_OPTIONS),
     )  # fmt: skip
 
 
@@ -118,4 +118,4 @@ def halved(curve: PiecewiseBezier) -> PiecewiseBezier:
 
 def held_at_control_points(problem: ot.Problem) -> ot.Problem:
     """The problem with hull rows for one piece as well."""
-    return replace(problem, tuning=Tuning(hull_rows=HULL))
+    return replace(problem, tuning=replace(problem.tuning, hull_rows=HULL))

@@ -42,6 +42,14 @@ def test_a_number_of_pieces_is_kept(robot: ot.Robot) -> None:
     assert found.trajectory.origin is problem and found.f == pytest.approx(2.4, abs=2e-4)
 
 
+def test_one_piece_is_solved_with_limits_at_control_points_first(robot: ot.Robot) -> None:
+    before, problem = chain_to(refined(robot, wander(6), 1))
+    assert before.tuning.hull_rows and not problem.tuning.hull_rows and before.size == problem.size
+    found = ot.solve(problem)
+    assert found.audit is not None and found.audit.proved
+    assert found.f == pytest.approx(2.60234, abs=2e-5)  # [s]; 2.8169 before, which asks for more than the limits do
+
+
 def test_prolonged_variables_are_the_same_motion_a_little_slower(robot: ot.Robot) -> None:
     coarse, fine = chain_to(refined(robot, wander(4), 3))
     assert fine.levels is not None

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import casadi
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from ocp_traj.arrays import Array, Index
 from ocp_traj.curves.bernstein import PiecewiseBezier
@@ -22,7 +24,7 @@ from ocp_traj.robot.joint_limits import JointLimits
 PHASES = 7  # of constant jerk, of a shortest motion from rest to rest: that many pieces may hold it exactly
 SHORTEST, LONGEST = 1e-3, 1e2  # bounds of durations, of the guessed ones: our choice, far from any optimum met
 # Random starts are so many times slower than a shortest motion from rest to rest along a straight line: our choice.
-SLOWER, SLOWER_LONE = (1.0, 1.4), (1.0, 1.02)  # through via points, and where there are none
+SLOWER, SLOWER_ALONE = (1.0, 1.4), (1.0, 1.02)  # through via points, and where there are none
 
 
 def least_times(points: Array, limits: JointLimits) -> Array:
@@ -255,18 +257,41 @@ class Knots:
         return slower
 
     def guess(self, rng: np.random.Generator) -> Array:
-        """A start within the bounds: from via point to via point along straight lines, with stops, a little slower."""
+        """A start within the bounds, a little slower than a shortest motion with stops.
+
+        From stop to stop it is a cubic spline through the via points between; where there are none, straight.
+        """
         durations, states = self.waits.copy(), self.places[1].copy()
-        for i, (leg, a, b) in enumerate(zip(self.legs, self.points[:-1], self.points[1:], strict=True)):
-            times, law = self.law(i)
-            slower = rng.uniform(*(SLOWER if len(self.legs) > 1 else SLOWER_LONE))
-            durations[list(leg)] = times * slower
-            inside = np.arange(leg.start + 1, leg.stop)
-            states[inside, 0] = a + law[1:-1, :1] * (b - a)
-            for order in range(1, 3):
-                states[inside, order] = law[1:-1, order : order + 1] * (b - a) / slower**order
+        halts = [0, *sorted({*self.stops, *self.dwells}), len(self.legs)]
+        for begin, end in pairwise(halts):
+            alone = end == begin + 1
+            slower = rng.uniform(*(SLOWER_ALONE if alone else SLOWER), size=end - begin)
+            if alone:
+                self._straight(begin, float(slower[0]), durations, states)
+            else:
+                self._smooth(begin, self.least[begin:end] * slower, durations, states)
         lower, upper = (np.concatenate([getattr(v, side) for v in self.variables]) for side in ("lower", "upper"))
         return np.clip(self.packed(durations, states), lower, upper)
+
+    def _straight(self, i: int, slower: float, durations: Array, states: Array) -> None:
+        """Puts a leg along a straight line, by its shortest law made slower, into durations and states."""
+        step, leg, (times, law) = self.points[i + 1] - self.points[i], self.legs[i], self.law(i)
+        durations[list(leg)] = times * slower
+        states[leg.start + 1 : leg.stop, 0] = self.points[i] + law[1:-1, :1] * step
+        for order in (1, 2):
+            states[leg.start + 1 : leg.stop, order] = law[1:-1, order : order + 1] * step / slower**order
+
+    def _smooth(self, i: int, times: Array, durations: Array, states: Array) -> None:
+        """Puts legs of given times, along a cubic spline from leg i on, into durations and states."""
+        legs, ends = self.legs[i : i + len(times)], np.append(0.0, np.cumsum(times))
+        first, last = legs[0].start, legs[-1].stop
+        spline = CubicSpline(
+            ends, self.points[i : i + len(ends)], bc_type=((1, states[first, 1]), (1, states[last, 1]))
+        )
+        durations[first:last] = np.repeat(times / self.pieces, self.pieces)
+        inner = np.append(0.0, np.cumsum(durations[first:last]))[1:-1]
+        for order in range(3):
+            states[first + 1 : last, order] = spline(inner, order)
 
     def law(self, leg: int) -> tuple[Array, Array]:
         """Durations ``(pieces,)`` [s] of a leg's pieces, and (s, s', s'') at their ends ``(pieces + 1, 3)``.

@@ -189,7 +189,7 @@ class Problem(Shown):
                 raise ProblemDefinitionError(
                     f"{self.id}: hull rows of {name!r}, no limit on a derivative of the joints; those are {known}"
                 )
-        dof = self.curve(casadi.SX.sym("x", self.size)).dof
+        dof = self.at_symbols[1].dof
         if dof != self.requirements.dof:
             raise ProblemDefinitionError(f"{self.id}: the curve has {dof} joints, the limits {self.requirements.dof}")
         for variable in self.variables:
@@ -205,6 +205,17 @@ class Problem(Shown):
     def size(self) -> int:
         """Number of decision variables."""
         return sum(len(v.labels) for v in self.variables)
+
+    @property
+    def at_symbols(self) -> tuple[Any, PiecewiseBezier]:
+        """A casadi SX x ``(n,)`` and the curve of it, made once: of a long path that takes a while."""
+
+        def build() -> tuple[Any, PiecewiseBezier]:
+            x = casadi.SX.sym("x", self.size)
+            return x, self.curve(x)
+
+        found: tuple[Any, PiecewiseBezier] = self.cached("at symbols", build)
+        return found
 
     @property
     def lower(self) -> Array:
