@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,6 @@ class Parametrisation:
         scales_in_time: whether the variables are the durations of the segments and nothing else; see ``Problem``.
         duration: x -> total time [s], a number or an expression.
         limits: that the curve needs to be what it says, beside those of the problem.
-        solver_options: of ``Tuning``.
         refine: (x with pieces that are some whole number of these long, that number) -> x of the same motion; None
             where the curve's pieces cut evenly give it.
     """
@@ -48,5 +47,4 @@ class Parametrisation:
     scales_in_time: bool
     duration: Callable[[Any], Any]
     limits: tuple[PathConstraint, ...] = ()
-    solver_options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     refine: Callable[[Array, int], Array] | None = None

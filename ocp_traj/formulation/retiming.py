@@ -20,7 +20,6 @@ from ocp_traj.robot.joint_limits import QUANTITIES, JointLimits
 
 HIGHEST_DEGREE = 60  # of a segment: of higher ones rounding leaves nothing; our choice, as of files
 BACK = 1e-6  # [units of the joints a second] by which a motion may run back along its path: our choice
-TOLERANCE = 1e-8  # of the scaled KKT error: below it is the rounding of derivatives of such high degrees
 FORWARD = "forward"  # id of the limit that keeps it from doing so
 
 
@@ -80,7 +79,6 @@ def _parametrisation(law: TimeLaw) -> Parametrisation:
         scales_in_time=False,
         duration=duration,
         limits=(forward(law),),
-        solver_options={"ipopt": {"tol": TOLERANCE}},
         refine=lambda x, parts: law.refined(replace(law, pieces=law.pieces // parts), x),
     )
 
