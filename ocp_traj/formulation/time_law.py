@@ -50,12 +50,25 @@ class TimeLaw:
     @cached_property
     def cut(self) -> PathArcs:
         """The path, cut at the knots."""
-        return PathArcs.of(self.path, self.pieces)
+        return PathArcs.of(self.path, self.pieces, self.rests)
 
     @property
     def arcs(self) -> PiecewiseBezier:
         """The path of each segment, its ``durations`` the steps of s."""
         return self.cut.curve
+
+    @cached_property
+    def rests(self) -> tuple[bool, bool]:
+        """Whether the law rests at the start and at the end.
+
+        Where the path's own derivatives vanish there the joints rest whatever the law.
+        """
+        curve, orders, found = self.path.curve, range(1, self.rest + 1), []
+        for segment, u in ((0, 0.0), (curve.segments - 1, 1.0)):
+            sizes = [np.abs(curve.hodograph(segment, order)).max() for order in orders]
+            values = [np.abs(curve.at(segment, u, order)).max() for order in orders]
+            found.append(any(value > 1e-9 * size for value, size in zip(values, sizes, strict=True)))
+        return found[0], found[1]
 
     @cached_property
     def count(self) -> int:
@@ -64,16 +77,9 @@ class TimeLaw:
 
     @cached_property
     def free(self) -> list[tuple[int, int]]:
-        """Knot and order of each derivative that is a variable, by order.
-
-        At an end where the path's own derivatives vanish the joints rest whatever the law.
-        """
-        held = set()
-        for knot, u, leg in ((0, 0.0, 0), (self.count, 1.0, self.count - 1)):
-            own = [np.abs(self.arcs.at(leg, u, order)).max() for order in range(1, self.rest + 1)]
-            sizes = [np.abs(self.arcs.hodograph(leg, order)).max() for order in range(1, self.rest + 1)]
-            if any(value > 1e-9 * size for value, size in zip(own, sizes, strict=True)):
-                held |= {(knot, order) for order in range(1, self.rest + 1)}
+        """Knot and order of each derivative that is a variable, by order."""
+        ends = [knot for knot, rests in zip((0, self.count), self.rests, strict=True) if rests]
+        held = {(knot, order) for knot in ends for order in range(1, self.rest + 1)}
         return [(k, order) for order in range(1, self.rows) for k in range(self.count + 1) if (k, order) not in held]
 
     @cached_property
@@ -176,10 +182,12 @@ class TimeLaw:
         parts = self.count // coarser.count
         durations, laws = coarser.laws(np.asarray(x, dtype=float))
         times, found = [], []
-        for duration, law in zip(durations, laws, strict=True):
-            cuts = np.array([0.0, *(instant(law, i / parts) for i in range(1, parts)), 1.0])
+        for k, (duration, law) in enumerate(zip(durations, laws, strict=True)):
+            steps = self.arcs.durations[k * parts : (k + 1) * parts]
+            places = np.append(0.0, np.cumsum(steps)) / steps.sum()
+            cuts = np.array([0.0, *(instant(law, place) for place in places[1:-1]), 1.0])
             for i in range(parts):
-                own = subdivision_matrix(len(law) - 1, cuts[i], cuts[i + 1]) @ law * parts - i
+                own = (subdivision_matrix(len(law) - 1, cuts[i], cuts[i + 1]) @ law - places[i]) / np.diff(places)[i]
                 times.append(duration * (cuts[i + 1] - cuts[i]))
                 found.append(np.concatenate([[0.0], own[1:-1], [1.0]]))
         return self.packed(np.array(times), found)

@@ -30,8 +30,16 @@ class PathArcs:
     legs: tuple[range, ...]
 
     @classmethod
-    def of(cls, path: JointPath, pieces: int) -> PathArcs:
-        """Equal steps of the parameter, so many from one point to the next: more where the path turns sharply.
+    def of(cls, path: JointPath, pieces: int, rests: tuple[bool, bool] = (False, False)) -> PathArcs:
+        """So many arcs from one point to the next, more where the path turns sharply.
+
+        They are equal steps of the parameter, but shorter towards an end at rest, where a motion is slow. Of a whole
+        multiple of ``pieces`` each arc is cut in so many.
+
+        Args:
+            path: what is cut.
+            pieces: number of arcs.
+            rests: whether motions rest at its start and at its end.
 
         Raises:
             InputError: where the path turns back on itself.
@@ -48,7 +56,8 @@ class PathArcs:
                 way = points[-1] - points[0]
                 steps = np.diff(points, axis=0) @ way  # all of one sign: so is the tangent's component
                 if way.any() and (steps >= -ROUNDING * np.abs(steps).max()).all():
-                    at = np.linspace(a, b, pieces + 1)
+                    ends = rests[0] and (leg, a) == (0, 0.0), rests[1] and (leg, b) == (whole.segments - 1, 1.0)
+                    at = a + (b - a) * _graded(np.linspace(0.0, 1.0, pieces + 1), *ends)
                     cuts += [(leg, float(low), float(high)) for low, high in zip(at[:-1], at[1:], strict=True)]
                     ways += [way / np.linalg.norm(way)] * pieces
                 elif b - a > SHORTEST:
@@ -61,6 +70,15 @@ class PathArcs:
             legs.append(range(first, len(cuts)))
         steps = np.array([whole.durations[leg] * (b - a) for leg, a, b in cuts])
         return cls(PiecewiseBezier(steps, tuple(whole.restrict(*cut) for cut in cuts)), np.array(ways), tuple(legs))
+
+
+def _graded(x: Array, first: bool, last: bool) -> Array:
+    """Places from 0 to 1, more of them at either end."""
+    if first and last:
+        return x**2 * (3.0 - 2.0 * x)
+    if last:
+        return 1.0 - _graded(1.0 - x, True, False)
+    return 0.5 * x**2 * (3.0 - x) if first else x
 
 
 def nearest(curve: PiecewiseBezier, segment: int, points: Array) -> Array:
