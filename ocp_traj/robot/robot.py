@@ -200,7 +200,9 @@ class Robot:
         _set_gravity(model, gravity)
         tool, tool_joint = pin.SE3.Identity(), None
         if tool_frame is not None:
-            frames = {frame.name: frame for frame in model.frames if frame.parentJoint > 0}
+            moving = (frame for frame in model.frames if frame.parentJoint > 0)
+            # A link and a joint may have one name: the link's comes last, and counts.
+            frames = {frame.name: frame for frame in sorted(moving, key=lambda f: f.type == pin.FrameType.BODY)}
             if tool_frame not in frames:
                 like = nearest(tool_frame, frames)
                 raise RobotDefinitionError(
