@@ -185,6 +185,8 @@ class Robot:
     ) -> Self:
         """Robot of a URDF: its joints, inertias and limits (position, velocity, effort); friction is left out.
 
+        A continuous joint is a revolute one without limits on its position; a mimic joint has to be locked.
+
         Args:
             source: path of a file, or the XML itself (it begins with "<").
             limits: override the file's, field by field; needed where it says nothing (0, or between 0 and 0).
