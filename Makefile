@@ -16,7 +16,7 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow kill fuzz interrupts bench-speed coverage lint clean
+.PHONY: help front test test-slow kill fuzz interrupts bench-speed bench-arms coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
@@ -27,6 +27,7 @@ help:
 	@echo "make coverage   all tests, with their coverage"
 	@echo "make interrupts Ctrl-C at MOMENTS (20) random moments of every method; takes hours"
 	@echo "make bench-speed times beside those of an earlier commit: benchmarks/RESULTS.md; half an hour, on a quiet machine"
+	@echo "make bench-arms a random move of every arm of example-robot-data, solved and proved, or why not; some 10 s"
 	@echo "make lint       ruff, and mypy on the installed package"
 	@echo "make clean      remove $(VENV), builds and caches; runs/ stays"
 
@@ -56,6 +57,9 @@ interrupts: $(VENV)/.installed-dev
 # What is measured of the earlier commit, and its environment, stay in BASELINE.
 bench-speed: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.speed --baseline $(BASELINE) --repeat $(REPEAT) $(OPTIONS)
+
+bench-arms: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.arms
 
 # mypy reads the package as a user gets it. `build/` would bring back modules deleted since the last build.
 lint: $(VENV)/.installed-dev
