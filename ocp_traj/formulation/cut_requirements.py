@@ -46,11 +46,29 @@ def cut_requirements(requirements: Requirements, source: Index, a: Array, b: Arr
     )  # fmt: skip
 
 
+def anywhere_and_somewhere(requirements: Requirements) -> tuple[Requirements, Requirements]:
+    """Path limits that are the same on every segment with the continuity, and all other requirements."""
+    same = [limit for limit in requirements.path_constraints if not _counts(requirements, limit)]
+    other = tuple(limit for limit in requirements.path_constraints if limit not in same)
+    return (
+        replace(
+            requirements, path_constraints=tuple(same), point_constraints=(), duration_constraints=(),
+            parameter_bounds=(),
+        ),
+        replace(requirements, path_constraints=other, continuity=-1),
+    )  # fmt: skip
+
+
+def _counts(requirements: Requirements, limit: PathConstraint) -> bool:
+    """Whether a limit depends on the segment, or on the place on it."""
+    timed = 0 in requirements.function(limit).jac_sparsity(0, 1).get_triplet()[1]
+    return limit.segments is not None or limit.constants is not None or timed
+
+
 def _path(requirements: Requirements, limit: PathConstraint, source: Index, a: Array, b: Array) -> PathConstraint:
     segments = None if limit.segments is None else tuple(np.flatnonzero(np.isin(source, limit.segments)).tolist())
-    timed = 0 in requirements.function(limit).jac_sparsity(0, 1).get_triplet()[1]
-    if limit.constants is None and not timed:
-        return limit if segments is None else replace(limit, segments=segments)
+    if not _counts(requirements, limit):
+        return limit
     given = np.zeros((len(source), 0)) if limit.constants is None else limit.constants[source]
     width = given.shape[1]
     table = np.column_stack([given, a, b - a])
