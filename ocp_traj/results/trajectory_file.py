@@ -98,7 +98,7 @@ def _samples(data: dict[str, Any]) -> PiecewiseBezier:
         raise ValueError(f"{', '.join(ROS_FIELDS)} need a row for each of the {len(times)} times, of one length")
     durations = np.diff(times)
     if not len(durations) or not (durations > 0.0).all():
-        raise ValueError("times must increase, and be two or more")
+        raise ValueError("times must be two or more, strictly increasing")
     if "velocities" in data:
         return interpolate(durations, states)
     if len(states) > 1:
@@ -158,7 +158,7 @@ def _ros(data: dict[str, Any]) -> PiecewiseBezier:
     if len(states) < 2 or "velocities" not in given:
         return _samples({"times": times * 1e-9, **found})
     if len(times) < 2 or not (np.diff(times) > 0).all():
-        raise ValueError("times must increase, and be two or more")
+        raise ValueError("times must be two or more, strictly increasing")
     if len({rows.shape for rows in states}) > 1:
         raise ValueError(f"{', '.join(given)} differ in their numbers of joints")
     return interpolate(np.diff(times) * 1e-9, states)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
@@ -12,9 +13,10 @@ import pandas as pd
 
 from ocp_traj import problems
 from ocp_traj.errors import InputError, nearest, quoted
+from ocp_traj.formulation.case import convert
 from ocp_traj.formulation.requirements import Requirements
 from ocp_traj.io.export.exported import Exported, Format
-from ocp_traj.io.export.tables import WRITERS
+from ocp_traj.io.export.tables import WRITERS, Table
 from ocp_traj.io.export.tables import trajectory_table as trajectory_table
 from ocp_traj.io.run_folder import MANIFEST, TABLE
 from ocp_traj.io.run_reader import load_run, read_manifest
@@ -31,16 +33,23 @@ FORMATS = {
     "krl": "ocp_traj.io.export.krl:Krl",
     "fanuc": "ocp_traj.io.export.fanuc:Fanuc",
 }
+FLAGS = ("samples", "at", "rate", "interpolation", "tolerance", "joints")  # options the command line has flags for
 SUFFIXES = {"ros": ".ros.yaml", "urscript": ".script", "bpoly": ".bpoly.json", "krl": ".src", "fanuc": ".ls"}
 
 
-def configured(format: str, **options: Any) -> Format:
-    """A format with its options; unknown ones are refused."""
+def format_class(format: str) -> type[Any]:
+    """The class of a format, imported."""
     if format not in FORMATS:
         known = nearest(format, FORMATS)
         raise InputError(f"there is no export format {quoted(format)}{known}; formats are {', '.join(FORMATS)}")
     module, _, name = FORMATS[format].partition(":")
-    chosen = getattr(import_module(module), name)
+    found: type[Any] = getattr(import_module(module), name)
+    return found
+
+
+def configured(format: str, **options: Any) -> Format:
+    """A format with its options; unknown ones are refused."""
+    chosen = format_class(format)
     allowed = [field.name for field in fields(chosen)]
     for option in options:
         if option not in allowed:
@@ -48,6 +57,13 @@ def configured(format: str, **options: Any) -> Format:
             raise InputError(f"{format} has no option {quoted(option)}{nearest(option, allowed)}; {what}")
     found: Format = chosen(**options)
     return found
+
+
+def options_from_text(format: str, texts: Mapping[str, str]) -> dict[str, Any]:
+    """Options as text, as values of their types: of those that have no flag of their own."""
+    chosen = format_class(format)
+    known = [field.name for field in fields(chosen) if field.name not in FLAGS]
+    return convert(format, chosen, dict(texts), "option", known)
 
 
 def export(
@@ -88,7 +104,8 @@ def export(
 
 
 def _write(trajectory: Trajectory, chosen: Format, target: Path, limits: Requirements | None) -> Exported:
-    if limits is None and (trajectory.origin is not None or problems.known(trajectory.problem)):
+    plain = isinstance(chosen, Table) and not chosen.plays
+    if limits is None and not plain and (trajectory.origin is not None or problems.known(trajectory.problem)):
         trajectory.audit()  # refuses one that is not what its problem makes of its variables, payload and case
         origin = trajectory.origin or problems.load(trajectory.problem, **trajectory.case)
         limits = origin.requirements

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ocp_traj.errors import InputError, nearest, quoted
+from ocp_traj.formulation.case import Checked, number
 from ocp_traj.formulation.requirements import Requirements
 from ocp_traj.proof.verdicts import PROVED, UNDECIDED
 from ocp_traj.results.playback import TOLERANCE, Playback, at_knots, at_rate
@@ -56,7 +57,7 @@ class Format(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Timed:
+class Timed(Checked):
     """Formats of points in time.
 
     Attributes:
@@ -67,8 +68,8 @@ class Timed:
     """
 
     at: str | None = None
-    rate: float | None = None
-    tolerance: float = TOLERANCE
+    rate: float | None = number(None, "Hz", above=0.0, most=1e9)
+    tolerance: float = number(TOLERANCE, "rad or m", above=0.0)
     joints: Mapping[str, str] | None = None
 
     def played(
@@ -114,7 +115,7 @@ def about(playback: Playback, words: str | None = None) -> dict[str, Any]:
         "deviation [rad or m]": playback.deviation,
     }
     if isfinite(playback.excess):
-        found["excess"] = playback.excess
+        found["excess [share of a limit]"] = playback.excess
     return {**found, "verdict": words or playback.explain()}
 
 

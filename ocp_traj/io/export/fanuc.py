@@ -16,6 +16,7 @@ from ocp_traj import problems
 from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError
 from ocp_traj.files import write_text
+from ocp_traj.formulation.case import number
 from ocp_traj.formulation.requirements import Requirements
 from ocp_traj.io.export.exported import Exported, retimed, unproved
 from ocp_traj.io.export.via_points import ViaPoints, program_name
@@ -35,10 +36,10 @@ class Fanuc(ViaPoints):
         frame, tool: numbers of the user frame and the tool that the points name.
     """
 
-    most_points: int = 200
-    coupling: int | None = None
-    frame: int = 0
-    tool: int = 1
+    most_points: int = number(200, what="a whole number", least=2)
+    coupling: int | None = number(None, what="-1, 0 or 1:", least=-1, most=1, whole=True)
+    frame: int = number(0, least=0, most=9)
+    tool: int = number(1, least=1, most=10)
 
     def write(self, trajectory: Trajectory, requirements: Requirements | None, target: Path) -> Exported:
         """Writes the programs; the one that was asked for calls the others where there are several."""
@@ -71,15 +72,13 @@ class Fanuc(ViaPoints):
 
     def _coupling(self, trajectory: Trajectory) -> int:
         if self.coupling is not None:
-            if self.coupling not in (-1, 0, 1):
-                raise InputError(f"the coupling is {self.coupling}; give -1, 0 or 1")
             return self.coupling
         robot = None
         if trajectory.origin is not None:
             robot = trajectory.origin.robot
         elif problems.known(trajectory.problem):
             robot = problems.load(trajectory.problem, **trajectory.case).robot
-        if robot is None:
+        if robot is None or robot.actuator_map is not None:
             raise InputError("joint 3 as shown needs the robot's axes; give the coupling: 1, -1, or 0 for none")
         return coupling_of(robot)
 

@@ -15,8 +15,10 @@ import numpy as np
 import yaml
 
 from ocp_traj.arrays import Array
+from ocp_traj.curves.interpolation import INTERPOLATIONS
 from ocp_traj.errors import InputError
 from ocp_traj.files import plain, write_text
+from ocp_traj.formulation.case import choice
 from ocp_traj.formulation.requirements import ORDERS, Requirements
 from ocp_traj.formulation.standard import EFFORT
 from ocp_traj.io.export.exported import Exported, Timed, about, comments
@@ -40,7 +42,7 @@ class Ros(Timed):
         frame: ``frame_id`` of the header.
     """
 
-    interpolation: str = "quintic"
+    interpolation: str = choice("quintic", tuple(INTERPOLATIONS))
     effort: bool = False
     frame: str = ""
 

@@ -16,6 +16,7 @@ from ocp_traj import problems
 from ocp_traj.curves.motion import COLUMNS
 from ocp_traj.errors import InputError
 from ocp_traj.files import plain, write_text, write_with
+from ocp_traj.formulation.case import number
 from ocp_traj.formulation.requirements import Requirements
 from ocp_traj.formulation.standard import PER_TIME
 from ocp_traj.io.export.exported import Exported, Timed, about, comments
@@ -34,13 +35,13 @@ class Table(Timed):
         samples: number of even times, the ends included; for tables that no controller is to play.
     """
 
-    samples: int | None = None
+    samples: int | None = number(None, what="a whole number", least=2, most=MOST_POINTS, whole=True)
 
     def write(self, trajectory: Trajectory, requirements: Requirements | None, target: Path) -> Exported:
         """Writes the table; one for a controller with what is proved of it."""
         metadata = {"problem": trajectory.problem, "case": trajectory.case, "parameters": trajectory.parameters}
         kind: dict[str, Any] = {"kind": "trajectory", "metadata": metadata}
-        if self.at is None and self.rate is None:
+        if not self.plays:
             if self.joints:
                 raise InputError("joints are renamed in tables at knots or at a rate; give one of the two")
             table = trajectory_table(trajectory, SAMPLES if self.samples is None else self.samples)
@@ -54,6 +55,11 @@ class Table(Timed):
         facts = about(found)
         path = self._put(pd.DataFrame(columns), {**kind, "about": facts}, target)
         return Exported(path, self._format, (path,), facts, found.verdict)
+
+    @property
+    def plays(self) -> bool:
+        """Whether a controller is to play the rows."""
+        return self.at is not None or self.rate is not None
 
     @property
     def _format(self) -> str:

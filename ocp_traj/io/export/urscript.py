@@ -11,6 +11,7 @@ import numpy as np
 from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError
 from ocp_traj.files import write_text
+from ocp_traj.formulation.case import number
 from ocp_traj.formulation.requirements import Requirements
 from ocp_traj.io.export.exported import Exported, Timed, about, comments, unproved
 from ocp_traj.io.export.tables import joint_units
@@ -18,7 +19,6 @@ from ocp_traj.results.playback import MOST_POINTS
 from ocp_traj.results.trajectory import Trajectory
 
 JOINTS = 6
-LOOKAHEAD, GAIN = (0.03, 0.2), (100.0, 2000.0)  # what ``servoj`` takes: lookahead [s], gain
 SLOWEST = 1.0  # [Hz], of samples: our choice; between slower ones ``servoj`` would stand
 NEAR = 0.01  # [rad] from the first point, within which the program starts: our choice
 STOP = 2.0  # [rad/s2] of ``stopj`` at the end, where the robot rests already: our choice
@@ -65,18 +65,15 @@ class Urscript(Timed):
     """A program for a Universal Robots arm: quintics, computed at the controller's rate, or samples at ``rate``.
 
     Attributes:
-        lookahead: of ``servoj`` [s].
-        gain: of ``servoj``.
+        lookahead: of ``servoj`` [s], within what it takes.
+        gain: of ``servoj``, likewise.
     """
 
-    lookahead: float = 0.03
-    gain: float = 2000.0
+    lookahead: float = number(0.03, "s", least=0.03, most=0.2)
+    gain: float = number(2000.0, least=100.0, most=2000.0)
 
     def write(self, trajectory: Trajectory, requirements: Requirements | None, target: Path) -> Exported:
         """Writes the program; it ends at once where the arm is not at its first point."""
-        for name, value, (low, high) in (("lookahead", self.lookahead, LOOKAHEAD), ("gain", self.gain, GAIN)):
-            if not low <= value <= high:
-                raise InputError(f"the {name} of servoj is {value:g}; give {low:g} to {high:g}")
         self.names(trajectory)
         units = joint_units(trajectory) or ("rad",) * len(trajectory.joints)
         if len(trajectory.joints) != JOINTS or set(units) != {"rad"}:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError, quoted
+from ocp_traj.formulation.case import number
 from ocp_traj.formulation.requirements import Requirements
 from ocp_traj.io.export.exported import Timed
 from ocp_traj.results.playback import Playback
@@ -28,7 +29,7 @@ class ViaPoints(Timed):
         most_points: in a file; more go into further files, which the first one calls.
     """
 
-    most_points: int = 500
+    most_points: int = number(500, what="a whole number", least=2)
 
     def postures(self, trajectory: Trajectory, requirements: Requirements | None) -> tuple[Playback, Array, list[int]]:
         """The points, as degrees and millimetres ``(N, dof)``, and for each the speed towards it in per cent.
@@ -36,8 +37,6 @@ class ViaPoints(Timed):
         A speed is the mean one of the joint that needs most of its limit, which is what a controller that moves all
         joints together takes it for; the first, towards the start, is 10 %.
         """
-        if self.most_points < 2:
-            raise InputError(f"most_points is {self.most_points}; give 2 or more points a file")
         if requirements is None:
             raise InputError("speeds in per cent need the joints' units and velocity limits; give limits, or a problem")
         limit = next((one for one in requirements.path_constraints if one.order == 1), None)
