@@ -125,7 +125,9 @@ def test_a_trajectory_in_parquet_equals_the_csv(run: Path, tmp_path: Path) -> No
 
 
 def test_a_trajectory_in_json_has_a_record_a_time_and_where_it_is_from(run: Path, tmp_path: Path) -> None:
-    data = json.loads(export(run / "trajectories" / "000.json", "json", tmp_path / "o.json", samples=3).path.read_text())
+    data = json.loads(
+        export(run / "trajectories" / "000.json", "json", tmp_path / "o.json", samples=3).path.read_text()
+    )
     assert (data["format"], data["kind"]) == ("ocp-traj/table/1", "trajectory")
     assert data["metadata"] == {"problem": "hybrid-spline", "case": {"payload": 8.0}, "parameters": {"payload": 8.0}}
     assert [row["time [s]"] for row in data["rows"]] == approx([0.0, 3.095, 6.19])

@@ -385,7 +385,9 @@ def reproduce(
 @one_blas_thread
 def export(
     source: Annotated[Path, typer.Argument(metavar="FILE", help="A run folder, a front.csv, or a trajectory.")],
-    format: Annotated[str, typer.Option(help="csv, parquet, json; of a trajectory ros, urscript, krl, fanuc, bpoly too.")],
+    format: Annotated[
+        str, typer.Option(help="csv, parquet, json; of a trajectory ros, urscript, krl, fanuc, bpoly too.")
+    ],
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="File to write; beside FILE if not given.")
     ] = None,

@@ -200,7 +200,9 @@ def at_rate(
     if not 0.0 < rate < np.inf:
         raise InputError(f"the rate is {rate} Hz; give a number above zero")
     if curve.duration * rate > MOST_POINTS:
-        raise InputError(f"{rate:g} Hz over {curve.duration:.6g} s are more than {MOST_POINTS} points; give a lower rate")
+        raise InputError(
+            f"{rate:g} Hz over {curve.duration:.6g} s are more than {MOST_POINTS} points; give a lower rate"
+        )
     if rate > 1e9:
         raise InputError(f"the rate is {rate:g} Hz; give at most 1e9, one point a nanosecond")
     last = _ticks(np.array([curve.duration]))[0]
@@ -281,9 +283,7 @@ def _halved_until(curve: PiecewiseBezier, times: Array, tolerance: float) -> Arr
         times = _halve(curve, times, far)
 
 
-def _slowed(
-    trajectory: Trajectory, requirements: Requirements | None, interpolation: str, times: Array
-) -> Playback:
+def _slowed(trajectory: Trajectory, requirements: Requirements | None, interpolation: str, times: Array) -> Playback:
     """The pieces between ``times``, rounded up to nanoseconds and slowed until proved, at most by ``LARGEST``."""
     pieces, source, a, b = cut_at(trajectory.curve, times)
     rates = _end_states(pieces, continuity_of(interpolation))
@@ -300,7 +300,9 @@ def _slowed(
         )
 
     first = attempt(1.0)
-    if first.carried is None or not any(row.verdict not in (PROVED, CHECKED) and row.boxes for row in first.carried.rows):
+    if first.carried is None or not any(
+        row.verdict not in (PROVED, CHECKED) and row.boxes for row in first.carried.rows
+    ):
         return first
     excess = max(first.excess, 1e-9)
     for multiple in MULTIPLES:
@@ -310,5 +312,3 @@ def _slowed(
         if found.carried is not None and found.carried.proved:
             return found
     return first
-
-

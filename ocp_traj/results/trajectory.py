@@ -13,7 +13,6 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from ocp_traj.arrays import Array
-from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.motion import COLUMNS, Motion
 from ocp_traj.display import Shown, count
 from ocp_traj.errors import FileFormatError, InputError, cut, quoted

@@ -193,7 +193,9 @@ def _table(text: str, source: str) -> dict[str, Any]:
     try:
         numbers = np.array([[float(entry) for entry in row] for row in rows[1:]]).reshape(-1, len(header))
     except ValueError as error:
-        raise FileFormatError(f"{source}: {cut(str(error), 200)}; give numbers, as many in each row as columns") from error
+        raise FileFormatError(
+            f"{source}: {cut(str(error), 200)}; give numbers, as many in each row as columns"
+        ) from error
     found: dict[str, Any] = {"format": SAMPLES_FORMAT, "joints": joints, "times": numbers[:, header.index("time [s]")]}
     for quantity, name in zip(PER_TIME, ROS_FIELDS, strict=True):
         if not all((joint, quantity) in places for joint in joints):

@@ -96,7 +96,9 @@ def export(
                 f"{source} is a front; {format} is for one trajectory, such as trajectories/000.json of a run"
             )
         if options or limits is not None:
-            raise InputError(f"{source} is a front, which has no options: {', '.join(options) or 'limits'}; leave them out")
+            raise InputError(
+                f"{source} is a front, which has no options: {', '.join(options) or 'limits'}; leave them out"
+            )
         table, metadata = _front(origin)
         path = WRITERS[format](table, {"kind": "front", "metadata": metadata}, target)
         return Exported(path, format, (path,), {})

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import wrap
 
 import numpy as np
 import pinocchio as pin
@@ -18,12 +19,13 @@ from ocp_traj.errors import InputError
 from ocp_traj.files import write_text
 from ocp_traj.formulation.case import number
 from ocp_traj.formulation.requirements import Requirements
-from ocp_traj.io.export.exported import Exported, retimed, unproved
-from ocp_traj.io.export.via_points import ViaPoints, program_name
+from ocp_traj.io.export.exported import Exported, comments, retimed, unproved
+from ocp_traj.io.export.via_points import ViaPoints, decimal, program_name
 from ocp_traj.results.trajectory import Trajectory
 from ocp_traj.robot.robot import Robot
 
 MOST_JOINTS = 9  # of a motion group
+COMMENT = 32  # characters of a line of comment
 PARALLEL = 1e-6  # sine of the angle between axes 2 and 3: our choice
 
 
@@ -45,7 +47,9 @@ class Fanuc(ViaPoints):
         """Writes the programs; the one that was asked for calls the others where there are several."""
         name = program_name(target, (".ls",)).upper()
         if len(trajectory.joints) > MOST_JOINTS:
-            raise InputError(f"a FANUC group has up to {MOST_JOINTS} joints; the trajectory has {len(trajectory.joints)}")
+            raise InputError(
+                f"a FANUC group has up to {MOST_JOINTS} joints; the trajectory has {len(trajectory.joints)}"
+            )
         factor = self._coupling(trajectory)
         found, rows, speeds = self.postures(trajectory, requirements)
         if factor and requirements is not None:
@@ -55,7 +59,7 @@ class Fanuc(ViaPoints):
             rows[:, 2] += factor * rows[:, 1]
         units = ["deg" if unit == "rad" else "mm" for unit in requirements.joint_units] if requirements else []
         facts = retimed(found) | {"joint 3 shown": {0: "q3", 1: "q3 + q2", -1: "q3 - q2"}[factor]}
-        header = [f"! {name}: {value} ;" for name, value in facts.items()]
+        header = [f"! {line} ;" for words in comments(facts, "") for line in wrap(words, COMMENT)]
         parts = list(self.parts(len(rows)))
         if len(parts) == 1:
             path = self._file(target, name, header, rows, speeds, units)
@@ -92,7 +96,9 @@ class Fanuc(ViaPoints):
             moves.append(f"J P[{i}] {speed}% {'CNT100' if i < len(speeds) or goes_on else 'FINE'} ;")
         positions = []
         for i, row in enumerate(rows.tolist(), 1):
-            joints = [f"J{j}= {value:.6f} {unit}" for j, (value, unit) in enumerate(zip(row, units, strict=True), 1)]
+            joints = [
+                f"J{j}= {decimal(value)} {unit}" for j, (value, unit) in enumerate(zip(row, units, strict=True), 1)
+            ]
             lines = [", ".join(joints[k : k + 3]) for k in range(0, len(joints), 3)]
             positions += [
                 f"P[{i}]{{", "   GP1:", f"    UF : {self.frame}, UT : {self.tool},",

@@ -10,7 +10,7 @@ from ocp_traj.errors import InputError
 from ocp_traj.files import write_text
 from ocp_traj.formulation.requirements import Requirements
 from ocp_traj.io.export.exported import Exported, comments, retimed, unproved
-from ocp_traj.io.export.via_points import ViaPoints, program_name
+from ocp_traj.io.export.via_points import ViaPoints, decimal, program_name
 from ocp_traj.results.trajectory import Trajectory
 
 AXES = ("A1", "A2", "A3", "A4", "A5", "A6", "E1", "E2", "E3", "E4", "E5", "E6")
@@ -58,7 +58,7 @@ class Krl(ViaPoints):
     ) -> tuple[Path, Path]:  # fmt: skip
         """Program and data of one file's points; all but the last are rounded, and that one where there are more."""
         declared = [
-            f"DECL E6AXIS P{i}={{{','.join(f'{axis} {value:.6f}' for axis, value in sorted(zip(axes, row, strict=True)))}}}"
+            f"DECL E6AXIS P{i}={{{','.join(f'{axis} {decimal(value)}' for axis, value in sorted(zip(axes, row, strict=True)))}}}"
             for i, row in enumerate(rows.tolist(), 1)
         ]
         moves = ["BAS(#INITMOV,0)", "BAS(#ACC_PTP,100)"]

@@ -84,7 +84,9 @@ def efforts(found: Playback) -> Array:
     wanted, curve = found.requirements, found.played
     limit = next((one for one in wanted.path_constraints if one.id == EFFORT), None) if wanted is not None else None
     if limit is None or wanted is None or len(limit.labels) != curve.dof:
-        raise InputError("the trajectory's problem has no effort limit, one a joint, to take efforts from; leave them out")
+        raise InputError(
+            "the trajectory's problem has no effort limit, one a joint, to take efforts from; leave them out"
+        )
     if limit.constants is not None:
         raise InputError("the problem's effort limit differs from segment to segment; leave efforts out")
     segment = np.minimum(np.arange(curve.segments + 1), curve.segments - 1)

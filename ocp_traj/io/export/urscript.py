@@ -99,10 +99,17 @@ class Urscript(Timed):
     def _samples(self, trajectory: Trajectory, rate: float, target: Path) -> Exported:
         duration = trajectory.duration
         if not SLOWEST <= rate <= 500.0 or duration * rate > MOST_POINTS:
-            raise InputError(f"servoj takes {SLOWEST:g} to 500 setpoints a second, {MOST_POINTS} in all; got {rate:g} Hz")
+            raise InputError(
+                f"servoj takes {SLOWEST:g} to 500 setpoints a second, {MOST_POINTS} in all; got {rate:g} Hz"
+            )
         count = int(np.ceil(duration * rate - 1e-9)) + 1
         rows = trajectory.curve(np.minimum(np.arange(count) / rate, duration))
-        facts = {"points": count, "rate [Hz]": rate, "duration [s]": (count - 1) / rate, "verdict": f"not proved: {SAMPLED}"}
+        facts = {
+            "points": count,
+            "rate [Hz]": rate,
+            "duration [s]": (count - 1) / rate,
+            "verdict": f"not proved: {SAMPLED}",
+        }
         call = f"t={1.0 / rate!r}, lookahead_time={self.lookahead!r}, gain={self.gain!r})"
         body = [*_start(rows[0]), *(f"  servoj({_list(row)}, {call}" for row in rows)]
         path = self._program(target, comments(facts), body, rows[-1])
@@ -112,7 +119,7 @@ class Urscript(Timed):
         name = re.sub(r"\W", "_", target.name.split(".")[0]) or "motion"
         call = f"t=get_steptime(), lookahead_time={self.lookahead!r}, gain={self.gain!r})"
         last = [f"  servoj({_list(end)}, {call}", f"  stopj({STOP!r})", "end"]
-        lines = [*header, f"def ocp_{name}():", *body, *last, f"ocp_{name}()"]
+        lines = [*header, f"def play_{name}():", *body, *last, f"play_{name}()"]
         return write_text(target, "\n".join(lines) + "\n")
 
 

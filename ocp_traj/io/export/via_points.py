@@ -41,7 +41,9 @@ class ViaPoints(Timed):
             raise InputError("speeds in per cent need the joints' units and velocity limits; give limits, or a problem")
         limit = next((one for one in requirements.path_constraints if one.order == 1), None)
         if limit is None or not (np.isfinite(limit.lower) & np.isfinite(limit.upper)).all():
-            raise InputError("speeds in per cent need a velocity limit for each joint, of both signs; give them in limits")
+            raise InputError(
+                "speeds in per cent need a velocity limit for each joint, of both signs; give them in limits"
+            )
         found = self.played(trajectory, requirements)
         q = found.states[0]
         moved = np.diff(q, axis=0) / (np.diff(found.ticks) * 1e-9)[:, None]
@@ -54,6 +56,11 @@ class ViaPoints(Timed):
         """Number and points of each file."""
         for number, first in enumerate(range(0, count, self.most_points), 1):
             yield number, range(first, min(first + self.most_points, count))
+
+
+def decimal(value: float) -> str:
+    """A number of degrees or millimetres to a millionth; zero has no sign."""
+    return f"{round(value, 6) + 0.0:.6f}"
 
 
 def program_name(target: Path, suffixes: tuple[str, ...]) -> str:
