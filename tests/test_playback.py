@@ -196,22 +196,10 @@ def _requirements() -> Requirements:
         "ramp", lambda s: s.q[0] - s.c[0] * s.u, np.array([-np.inf]), np.array([0.1]), ("rad",), ("j",),
         constants=np.array([[1.0], [2.0]]), segments=(1,),
     )  # fmt: skip
-    at = ot.PointConstraint(
-        "mid",
-        lambda s: s.q,
-        ((1, 0.5), (-1, 1.0)),
-        np.array([[1.0], [2.0]]),
-        np.array([[1.0], [2.0]]),
-        ("rad",),
-        ("j",),
-    )
-    return Requirements(
-        ("j",),
-        ("rad",),
-        (limit,),
-        (at,),
-        duration_constraints=(DurationConstraint("T", (1,), np.array([2.0]), np.array([2.0])),),
-    )
+    goals = np.array([[1.0], [2.0]])
+    at = ot.PointConstraint("mid", lambda s: s.q, ((1, 0.5), (-1, 1.0)), goals, goals, ("rad",), ("j",))
+    times = DurationConstraint("T", (1,), np.array([2.0]), np.array([2.0]))
+    return Requirements(("j",), ("rad",), (limit,), (at,), duration_constraints=(times,))
 
 
 def line(slope: float) -> PiecewiseBezier:

@@ -69,7 +69,8 @@ def largest_distance(segments: Array, others: Array) -> Array:
     """A bound of the largest difference of any joint between arcs of equal local time ``(N,)``, to rounding.
 
     Args:
-        segments, others: control points ``(N, n + 1, dof)``, of any two degrees.
+        segments: control points ``(N, n + 1, dof)``.
+        others: likewise, of any degree.
     """
     n = max(segments.shape[1], others.shape[1]) - 1
     raised = [elevation_matrix(points.shape[1] - 1, n) @ points for points in (segments, others)]

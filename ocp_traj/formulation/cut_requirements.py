@@ -32,7 +32,8 @@ def cut_requirements(requirements: Requirements, source: Index, a: Array, b: Arr
     Args:
         requirements: of the curve that was cut.
         source: the segment that each piece is of ``(P,)``, ascending.
-        a, b: from where to where on it ``(P,)``, in local time.
+        a: where on it the piece begins ``(P,)``, in local time.
+        b: where it ends, likewise.
     """
     count = int(source.max()) + 1
     smooth = max((requirements.order(limit) - 1 for limit in requirements.path_constraints), default=-1)

@@ -278,7 +278,7 @@ def _halved_until(curve: PiecewiseBezier, times: Array, tolerance: float) -> Arr
             return times
         if pieces.segments > MOST_POINTS // 10:
             raise InputError(
-                f"no {pieces.segments} quintics are as close as {tolerance:g} to the trajectory; give a larger tolerance"
+                f"no {pieces.segments} quintics come within {tolerance:g} of the trajectory; give a larger tolerance"
             )
         times = _halve(curve, times, far)
 

@@ -100,7 +100,7 @@ class Trajectory(Shown, Motion):
 
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:
-        """Reads a trajectory of this package, or one from elsewhere: JSON, a ROS message (YAML), a table (CSV); see docs."""
+        """Reads a trajectory of this package, or one from elsewhere, as JSON, YAML (ROS) or CSV (a table); see docs."""
         return cls.from_dict(read_values(path), str(path))
 
     @classmethod

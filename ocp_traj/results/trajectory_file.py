@@ -176,7 +176,7 @@ def _table(text: str, source: str) -> dict[str, Any]:
         if match is None:
             if name != "time [s]":
                 raise FileFormatError(
-                    f"{source}: the column {quoted(name)} is none of 'time [s]', 'JOINT q [unit]', 'JOINT v [unit/s]', .."
+                    f"{source}: the column {quoted(name)} is not 'time [s]', 'JOINT q [unit]', 'JOINT v [unit/s]', .."
                 )
             continue
         joint, quantity, unit = match["joint"], match["quantity"], match["unit"]

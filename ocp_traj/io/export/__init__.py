@@ -75,7 +75,7 @@ def export(
     Args:
         source: a trajectory or its file, a run folder, at any moment of the run, or a ``front.csv``. The points of a
             run are proved anew; a ``front.csv`` that lies in no run of a known problem is taken as it is.
-        format: ``csv``, ``parquet``, ``json``; for trajectories ``ros``, ``urscript``, ``bpoly``, ``krl``, ``fanuc`` too.
+        format: ``csv``, ``parquet``, ``json``; of trajectories ``ros``, ``urscript``, ``bpoly``, ``krl``, ``fanuc``.
         destination: the file to write.
         limits: of the trajectory; those of its problem if not given.
         options: fields of the format's class, such as ``rate`` of ``ros``.

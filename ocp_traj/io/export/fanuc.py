@@ -65,9 +65,9 @@ class Fanuc(ViaPoints):
             path = self._file(target, name, header, rows, speeds, units)
             return unproved(path, "fanuc", (path,), facts)
         paths, calls = [], []
-        for number, points in parts:
-            own, chosen = f"{name}_{number:02d}", slice(points.start, points.stop)
-            goes_on = number < len(parts)
+        for part, points in parts:
+            own, chosen = f"{name}_{part:02d}", slice(points.start, points.stop)
+            goes_on = part < len(parts)
             place = target.with_name(f"{own.lower()}{target.suffix}")
             paths.append(self._file(place, own, header, rows[chosen], speeds[chosen], units, goes_on))
             calls.append(f"CALL {own} ;")

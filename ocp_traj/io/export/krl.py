@@ -32,10 +32,10 @@ class Krl(ViaPoints):
         if len(parts) == 1:
             return unproved(target, "krl", self._pair(target, name, header, axes, rows, speeds), facts)
         paths, calls = [], []
-        for number, points in parts:
-            own = f"{name}_{number:02d}"
+        for part, points in parts:
+            own = f"{name}_{part:02d}"
             chosen = slice(points.start, points.stop)
-            last = number == len(parts)
+            last = part == len(parts)
             place = target.with_name(f"{own}.src")
             paths += self._pair(place, own, header, axes, rows[chosen], speeds[chosen], goes_on=not last)
             calls.append(f"{own}()")
@@ -57,10 +57,10 @@ class Krl(ViaPoints):
         goes_on: bool = False,
     ) -> tuple[Path, Path]:  # fmt: skip
         """Program and data of one file's points; all but the last are rounded, and that one where there are more."""
-        declared = [
-            f"DECL E6AXIS P{i}={{{','.join(f'{axis} {decimal(value)}' for axis, value in sorted(zip(axes, row, strict=True)))}}}"
-            for i, row in enumerate(rows.tolist(), 1)
-        ]
+        declared = []
+        for i, row in enumerate(rows.tolist(), 1):
+            values = (f"{axis} {decimal(value)}" for axis, value in sorted(zip(axes, row, strict=True)))
+            declared.append(f"DECL E6AXIS P{i}={{{','.join(values)}}}")
         moves = ["BAS(#INITMOV,0)", "BAS(#ACC_PTP,100)"]
         for i, speed in enumerate(speeds, 1):
             rounded = " C_PTP" if i < len(speeds) or goes_on else ""

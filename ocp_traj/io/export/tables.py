@@ -50,7 +50,7 @@ class Table(Timed):
             raise InputError("a table has samples, or points at knots or at a rate; give one of them")
         names, found = self.names(trajectory), self.played(trajectory, requirements)
         columns = {"time [s]": found.ticks / 1e9}
-        for quantity, rows, header in zip(COLUMNS, found.states, _headers(trajectory, names), strict=False):
+        for rows, header in zip(found.states, _headers(trajectory, names), strict=False):
             columns |= dict(zip(header, rows.T, strict=True))
         facts = about(found)
         path = self._put(pd.DataFrame(columns), {**kind, "about": facts}, target)

@@ -54,8 +54,8 @@ class ViaPoints(Timed):
 
     def parts(self, count: int) -> Iterator[tuple[int, range]]:
         """Number and points of each file."""
-        for number, first in enumerate(range(0, count, self.most_points), 1):
-            yield number, range(first, min(first + self.most_points, count))
+        for part, first in enumerate(range(0, count, self.most_points), 1):
+            yield part, range(first, min(first + self.most_points, count))
 
 
 def decimal(value: float) -> str:
