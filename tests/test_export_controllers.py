@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pinocchio as pin
 import pytest
 import yaml
 from scipy.interpolate import BPoly
@@ -174,7 +175,12 @@ def test_many_points_are_split_into_files_that_the_first_calls(
 
 def test_joint_3_is_shown_from_the_ground(fast: Trajectory, tmp_path: Path) -> None:
     assert fast.origin is not None
-    assert coupling_of(fast.origin.robot) == 1  # a UR5: both axes along y
+    robot = fast.origin.robot
+    assert robot is not None and coupling_of(robot) == 1  # a UR5: both axes point the same way
+    turned = robot.model.copy()
+    half_turn = pin.SE3(np.diag([1.0, -1.0, -1.0]), np.zeros(3))  # about x, across the joint's own axis z or y
+    turned.jointPlacements[3] = turned.jointPlacements[3] * half_turn
+    assert coupling_of(replace(robot, model=turned)) == -1
     q = np.degrees(fast.curve(0.0)[0])
     for coupling in (1, -1, 0):
         text = export(fast, "fanuc", tmp_path / "m.ls", coupling=coupling).path.read_text()

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import casadi
 import numpy as np
+from numpy.typing import NDArray
 
 from ocp_traj.arrays import Array, Index
 from ocp_traj.curves.bernstein import PiecewiseBezier
@@ -263,7 +264,7 @@ def _distances(pieces: PiecewiseBezier, played: PiecewiseBezier) -> Array:
     return largest_distance(np.stack(pieces.elevate(high).control_points), np.stack(played.control_points))
 
 
-def _halve(curve: PiecewiseBezier, times: Array, chosen: Array) -> Array:
+def _halve(curve: PiecewiseBezier, times: Array, chosen: NDArray[np.bool]) -> Array:
     """More times to cut at: the middles of chosen pieces."""
     knots = cut_at(curve, times)[0].knots
     return np.unique(np.concatenate([times, (0.5 * (knots[:-1] + knots[1:]))[chosen]]))

@@ -146,6 +146,8 @@ def _bpoly(data: dict[str, Any]) -> PiecewiseBezier:
 
 def _ros(data: dict[str, Any]) -> PiecewiseBezier:
     points = data["points"]
+    if not points:
+        raise ValueError("there are no points")
     stamps = [point["time_from_start"] for point in points]
     ticks = [int(stamp.get("sec", 0)) * 10**9 + int(stamp.get("nanosec", 0)) for stamp in stamps]
     given = [name for name in ROS_FIELDS if any(point.get(name) for point in points)]
@@ -169,7 +171,7 @@ def _table(text: str, source: str) -> dict[str, Any]:
     rows = list(csv.reader(line for line in text.splitlines() if line.strip() and not line.startswith("#")))
     if not rows or "time [s]" not in rows[0]:
         raise FileFormatError(f"{source} is not a trajectory table: its header has no column 'time [s]'")
-    header, units = rows[0], {}
+    header, units = rows[0], dict[str, str]()
     places: dict[tuple[str, str], int] = {}
     for i, name in enumerate(header):
         match = COLUMN.fullmatch(name)

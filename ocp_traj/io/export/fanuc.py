@@ -59,7 +59,7 @@ class Fanuc(ViaPoints):
             rows[:, 2] += factor * rows[:, 1]
         units = ["deg" if unit == "rad" else "mm" for unit in requirements.joint_units] if requirements else []
         facts = retimed(found) | {"joint 3 shown": {0: "q3", 1: "q3 + q2", -1: "q3 - q2"}[factor]}
-        header = [f"! {line} ;" for words in comments(facts, "") for line in wrap(words, COMMENT)]
+        header = [f"! {line} ;" for words in comments(facts, "") for line in wrap(words.strip(), COMMENT)]
         parts = list(self.parts(len(rows)))
         if len(parts) == 1:
             path = self._file(target, name, header, rows, speeds, units)
@@ -125,6 +125,6 @@ def coupling_of(robot: Robot) -> int:
     for joint in (2, 3):
         move = data.oMi[joint].act(pin.Motion(data.joints[joint].S.ravel()))
         axes.append(np.asarray(move.angular))
-    if np.linalg.norm(np.cross(*axes)) > PARALLEL or min(map(np.linalg.norm, axes)) == 0.0:
+    if np.linalg.norm(np.cross(axes[0], axes[1])) > PARALLEL or min(map(np.linalg.norm, axes)) == 0.0:
         raise InputError("the axes of joints 2 and 3 are not parallel; give the coupling: 1, -1, or 0 for none")
     return int(np.sign(axes[0] @ axes[1]))

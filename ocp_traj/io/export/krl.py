@@ -31,7 +31,7 @@ class Krl(ViaPoints):
         parts = list(self.parts(len(rows)))
         if len(parts) == 1:
             return unproved(target, "krl", self._pair(target, name, header, axes, rows, speeds), facts)
-        paths, calls = [], []
+        paths, calls = list[Path](), []
         for part, points in parts:
             own = f"{name}_{part:02d}"
             chosen = slice(points.start, points.stop)
