@@ -384,28 +384,57 @@ def reproduce(
 @app.command()
 @one_blas_thread
 def export(
-    source: Annotated[Path, typer.Argument(metavar="FILE", help="A run folder, a front.csv or a trajectory (JSON).")],
-    format: Annotated[str, typer.Option(help="csv, parquet, json; ros for a trajectory.")],
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="A run folder, a front.csv, or a trajectory.")],
+    format: Annotated[
+        str, typer.Option(help="csv, parquet, json; of a trajectory ros, urscript, krl, fanuc, bpoly too.")
+    ],
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="File to write; beside FILE if not given.")
     ] = None,
-    samples: Annotated[int, typer.Option(help="Instants of a sampled trajectory.", min=2)] = 200,
+    samples: Annotated[int | None, typer.Option(help="Even instants of a table; 200 if not given.")] = None,
+    at: Annotated[str | None, typer.Option(metavar="knots", help="Of a table: points at the curve's knots.")] = None,
+    rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Points at a rate; at the curve's knots if not given.")
+    ] = None,
+    interpolation: Annotated[
+        str | None, typer.Option(help="Of ros, what the controller is told: quintic, cubic or linear.")
+    ] = None,
+    tolerance: Annotated[
+        float | None, typer.Option(metavar="RAD", help="By which quintics may leave a curve of higher degree.")
+    ] = None,
+    joints: Annotated[str | None, typer.Option(metavar="A=B[,..]", help="Other names for joints.")] = None,
+    limits: Annotated[
+        Path | None, typer.Option(help="Limits to prove (TOML); those of the trajectory's problem if not given.")
+    ] = None,
+    option: Annotated[
+        list[str] | None, typer.Option("--option", metavar="NAME=VALUE", help="Another option of the format.")
+    ] = None,
     json: AsJson = False,
-) -> None:
-    """Exports a front or a trajectory.
+) -> int:
+    """Exports a front or a trajectory, and proves what a controller will make of it, where that is known.
 
     Example: ocp-traj export fast.json --format ros
     """
-    from ocp_traj.io.export import export as run_export
+    from ocp_traj.cli import sheets
+    from ocp_traj.io import export as exports
+    from ocp_traj.io.requirements_file import read_requirements
 
-    suffix = {"ros": ".ros.yaml"}.get(format, f".export.{format}")
+    options = exports.options_from_text(format, _pairs(option, "--option"))
+    renamed = None if joints is None else _pairs([part for part in joints.split(",") if part.strip()], "--joints")
+    flags = (samples, at, rate, interpolation, tolerance, renamed)
+    options |= {name: value for name, value in zip(exports.FLAGS, flags, strict=True) if value is not None}
     place = source if source.name else Path(os.path.realpath(source))  # `.` has no name of its own, and `/` has none
     if output is None and not place.name:
         raise InputError(f"{source} has no name to call a file by; give one with -o")
-    target = output or place.with_name(place.stem + suffix)
-    written = run_export(source, format, target, samples=samples)
-    console.show(console.Sheet({"written": str(written), "format": format}, []), json)
-    console.say(f"written: {written}")
+    target = output or place.with_name(place.stem + exports.SUFFIXES.get(format, f".export.{format}"))
+    wanted = None if limits is None else read_requirements(limits)
+    found = exports.export(source, format, target, limits=wanted, **options)
+    console.show(sheets.export_sheet(found), json)
+    for path in found.paths:
+        console.say(f"written: {path}")
+    if "verdict" in found.about:
+        console.say(found.about["verdict"])
+    return DONE if found.proved else NOT_PROVED
 
 
 def _write(solution: Solution, problem: Problem, output: Path | None, plot: Path | None, history: Path | None) -> None:
