@@ -137,6 +137,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         "rounds": solution.rounds,
         "rows": solution.row_count,
         "starts": solution.starts,
+        "given_up": solution.given_up,
         "moved": solution.moved,
         "conflicts": [
             {
