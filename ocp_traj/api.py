@@ -27,6 +27,7 @@ from ocp_traj.results.time_scaling import largest_excess
 from ocp_traj.results.trajectory import Trajectory, audit_points, case_fields
 from ocp_traj.solvers import methods
 from ocp_traj.solvers.branch_and_bound import BranchAndBound, is_certifiable, require_certifiable
+from ocp_traj.solvers.by_levels import ByLevels, finest
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.payload import OBJECTIVE as PAYLOAD_MASS
@@ -153,7 +154,10 @@ def _solve(
             raise InputError(f"give a solver or its options ({', '.join(options)}), not both")
         each, all_ = (progress, silent) if starts == 1 else (silent, progress)
         one_start = solver or methods.configured(methods.SOLVE, method, progress=each, **options)
-        found = Multistart(one_start, starts, seed, all_optima, all_).solve(problem, scalar)
+        many = Multistart(one_start, starts, seed, all_optima, all_)
+        by_levels = problem.levels is not None and not all_optima
+        found = (ByLevels(many, progress=all_) if by_levels else many).solve(problem, scalar)
+        problem = finest(problem, found)
     proved = found.audit is not None and found.audit.proved
     default = method == "exchange" and problem.size <= MOST_DURATIONS and is_certifiable(problem, scalar)
     wanted = default if certify is None else certify
@@ -327,6 +331,10 @@ def _pareto(
         raise NoSolutionFound(
             f"{problem.id}: no trajectory meets these limits together: {'; '.join(map(str, conflicts))}"
         )
+    if method == "trace" and problem.levels is not None and problem.levels.finer is not None:
+        # All points share one discretisation: the one that the default objective gains by.
+        many = Multistart(Exchange(), max(2, problem.tuning.starts), seed)
+        problem = finest(problem, ByLevels(many, progress=progress).solve(problem, scalarisation(problem, None, None)))
     xs = chosen.pareto(problem, objectives)
     interrupted = current().tell()
     if not xs.xs and not interrupted:

@@ -32,6 +32,7 @@ from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet
 from ocp_traj.results.records import Found, ignore, of_solve
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.trajectory import audit_points
+from ocp_traj.solvers.by_levels import ByLevels
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.stopping import STOPS, stopping
@@ -136,8 +137,7 @@ class _Trace:
         missing: list[tuple[str, Solution]] = []
         for k, name in enumerate(self.names):
             starts = max(self.tracer.starts, self.problem.tuning.starts)
-            start = Multistart(self.tracer.solver, starts, self.tracer.seed + k)
-            solution = start.solve(self.problem, self._end(name))
+            solution = self._from_guesses(self._end(name), starts, self.tracer.seed + k)
             self._count(self._end(name), solution)
             if solution.ok:
                 self._add(solution)
@@ -163,6 +163,11 @@ class _Trace:
                 self._add(stand_in)
         self.ended = True
 
+    def _from_guesses(self, scalar: Scalarisation, starts: int, seed: int) -> Solution:
+        many = Multistart(self.tracer.solver, starts, seed)
+        solver = many if self.problem.levels is None else ByLevels(many, refine=False)
+        return solver.solve(self.problem, scalar)
+
     @property
     def ideal(self) -> dict[str, float]:
         """Best value of each objective, in its own sense."""
@@ -181,9 +186,7 @@ class _Trace:
             other, value = self.names[1 - k], self.values[k, k]
             scalar = EpsilonConstraint(other, {name: float(self.signs[k] * (value + LOSS * span[k]))})
             starts = max(self.tracer.starts, self.problem.tuning.starts)
-            solution = Multistart(self.tracer.solver, starts, self.tracer.seed + len(self.names) + k).solve(
-                self.problem, scalar
-            )
+            solution = self._from_guesses(scalar, starts, self.tracer.seed + len(self.names) + k)
             self._count(scalar, solution)
             if (
                 solution.ok

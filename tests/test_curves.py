@@ -179,5 +179,5 @@ def test_nonic_segments_of_symbols_are_those_of_numbers() -> None:
 
 
 def test_nonic_segments_need_one_duration_less_than_tags() -> None:
-    with pytest.raises(ProblemDefinitionError, match="3 tags need 2 durations"):
+    with pytest.raises(ProblemDefinitionError, match="3 knots need 2 durations"):
         nonic([np.zeros((5, 1))] * 3, np.ones(3))

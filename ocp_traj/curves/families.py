@@ -170,10 +170,9 @@ def nonic(states: Sequence[Any], durations: Any) -> PiecewiseBezier:
     Ogbemhe et al. (2019), (5)-(18), where (16) and (18) are misprinted: ``hermite`` of (q, v, a, jerk, snap) at each of
     K + 1 tags, ``(5, dof)`` each.
     """
-    if any(state.shape[0] != NONIC for state in states):
-        raise ProblemDefinitionError(
-            f"nonic segments need q and 4 derivatives at each tag; got {sorted({state.shape[0] for state in states})} rows"
-        )
+    sizes = sorted({state.shape[0] for state in states})
+    if sizes != [NONIC]:
+        raise ProblemDefinitionError(f"nonic segments need states of {NONIC} rows at all tags; got rows {sizes}")
     return hermite(states, durations)
 
 

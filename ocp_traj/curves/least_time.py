@@ -34,7 +34,9 @@ def phases(speed: float, acceleration: float, jerk: float) -> Array:
     Biagiotti and Melchiorri (2008), Trajectory Planning for Automatic Machines and Robots, sect. 3.4.
 
     Args:
-        speed, acceleration, jerk: finite bounds on the derivatives [1/s, 1/s2, 1/s3].
+        speed: finite bound on the first derivative [1/s].
+        acceleration: on the second [1/s2].
+        jerk: on the third [1/s3].
     """
     if speed * jerk >= acceleration**2:
         rise, whole = acceleration / jerk, acceleration / jerk + speed / acceleration
@@ -56,6 +58,11 @@ def time_law(speed: float, acceleration: float, jerk: float) -> tuple[Array, Arr
     """A law s(t) over a unit distance, at rest at both ends, of seven phases within the bounds.
 
     It is the shortest where that has a use for every phase.
+
+    Args:
+        speed: finite bound on the first derivative [1/s].
+        acceleration: on the second [1/s2].
+        jerk: on the third [1/s3].
 
     Returns:
         Durations of the phases ``(7,)`` [s], and (s, s', s'') at their ends ``(8, 3)``.

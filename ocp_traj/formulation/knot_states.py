@@ -6,30 +6,21 @@ A segment depends on its own two states and its duration alone, so that what a l
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
-import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ocp_traj.arrays import Array, Index
-from ocp_traj.curves.bernstein import PiecewiseBezier
-from ocp_traj.curves.families import hermite
-from ocp_traj.curves.least_time import least_time, time_law
+from ocp_traj.arrays import Array
 from ocp_traj.errors import ProblemDefinitionError
+from ocp_traj.formulation.knots import Knots
 from ocp_traj.formulation.parametrisation import Parametrisation
-from ocp_traj.formulation.problem import Variable
-from ocp_traj.formulation.requirements import ORDERS
 from ocp_traj.robot.joint_limits import JointLimits
 
 DEGREES = (5, 7, 9)
-PHASES = 7  # of constant jerk, of a shortest motion from rest to rest: that many pieces may hold it exactly
-SHORTEST, LONGEST = 1e-3, 1e2  # bounds of durations, of the guessed ones: our choice, far from any optimum met
-# Random starts are so many times slower than a shortest motion from rest to rest along a straight line: our choice.
-SLOWER, SLOWER_LONE = (1.0, 1.4), (1.0, 1.02)  # through via points, and where there are none
+# For ``Tuning.solver_options``. Where limits rest on many control points the last digits of a finer tolerance take as
+# many iterations as all the rest; the rows have to hold as they would with it. Measured on 10 to 1000 via points.
+SOLVER_OPTIONS = {"ipopt": {"tol": 1e-8, "constr_viol_tol": 1e-9}}
 
 
 def knot_states(
@@ -38,7 +29,7 @@ def knot_states(
     *,
     degree: int = 5,
     pieces: int = 1,
-    even: bool = False,
+    even: bool = True,
     rest: int = 2,
     stops: Sequence[int] = (),
     dwells: Mapping[int, float] | None = None,
@@ -59,13 +50,16 @@ def knot_states(
         limits: of the joints.
         degree: 5, 7 or 9: continuous up to the 2nd, 3rd or 4th derivative.
         pieces: segments from one via point to the next.
-        even: whether the pieces between two via points have one duration, in place of one each.
+        even: whether the pieces between two via points have one duration, in place of one each, with which many
+            pieces seldom converge from a plain guess.
         rest: derivatives that vanish at ends and stops; those above, up to the order of continuity, are free.
         stops: via points at rest, counted from 0.
         dwells: {via point: seconds} standing still there, a constant segment; inner ones.
         via_tolerance: how far inner via points may be passed by, ``()`` or ``(n,)``; the ends are exact.
-        start, end: derivatives 1, 2, .. ``(k, n)`` there, in place of rest.
-        joints, units: one name a joint.
+        start: derivatives 1, 2, .. ``(k, n)`` there, in place of rest.
+        end: likewise.
+        joints: one name a joint.
+        units: of the joints, "rad" where not given.
 
     Raises:
         ProblemDefinitionError: names what does not fit.
@@ -129,258 +123,3 @@ def knot_states(
 def _check(word: str, given: Any, fits: bool, allowed: str) -> None:
     if not fits:
         raise ProblemDefinitionError(f"{word}: {given}; give {allowed}")
-
-
-@dataclass(frozen=True, eq=False)
-class Knots:
-    """Knots, their states and the segments between them, and which of them are variables.
-
-    Attributes:
-        points ``(L + 1, n)``, limits, pieces, even, rest, stops, dwells, tolerance ``(n,)``, joints, units: as of
-            ``knot_states``.
-        rows: q and its derivatives at a knot.
-        given: derivatives ``(k, n)`` at the first (0) and last (-1) knot.
-    """
-
-    points: Array
-    limits: JointLimits
-    rows: int
-    pieces: int
-    even: bool
-    rest: int
-    stops: frozenset[int]
-    dwells: Mapping[int, float]
-    tolerance: Array
-    given: Mapping[int, Array]
-    joints: tuple[str, ...]
-    units: tuple[str, ...]
-
-    @cached_property
-    def via(self) -> tuple[int, ...]:
-        """The knot at which each via point is reached."""
-        waits = np.cumsum([0, *(i in self.dwells for i in range(len(self.points) - 1))])
-        return tuple(int(i * self.pieces + waits[i]) for i in range(len(self.points)))
-
-    @cached_property
-    def legs(self) -> tuple[range, ...]:
-        """The segments of each leg, dwells left out."""
-        return tuple(range(k - self.pieces, k) for k in self.via[1:])
-
-    @cached_property
-    def durations_at(self) -> Index:
-        """Of each segment, which duration is its own ``(K,)``; -1 for a dwell."""
-        found = np.full(self.via[-1], -1)
-        for i, leg in enumerate(self.legs):
-            found[list(leg)] = i if self.even else i * self.pieces + np.arange(self.pieces)
-        return found
-
-    @cached_property
-    def waits(self) -> Array:
-        """Seconds of each segment that is a dwell ``(K,)``, else 0."""
-        found = np.zeros(self.via[-1])
-        for i, seconds in self.dwells.items():
-            found[self.via[i]] = seconds
-        return found
-
-    @cached_property
-    def times(self) -> int:
-        """Number of durations that are variables."""
-        return len(self.legs) * (1 if self.even else self.pieces)
-
-    @cached_property
-    def least(self) -> Array:
-        """What the legs take at least from rest to rest ``(L,)`` [s], of those that go somewhere; guessed of others."""
-        steps = np.abs(np.diff(self.points, axis=0))
-        bounds = [self.limits.bounds(order) for order in range(1, 5)]
-        reach = np.array([np.full(steps.shape[1], np.inf) if b is None else np.minimum(-b[0], b[1]) for b in bounds]).T
-        found = least_time(steps, reach).max(axis=1)
-        found = np.where(found > 0.0, found, steps.max(axis=1))  # one unit a second where nothing is limited
-        return np.maximum(found, 0.1 * (found.max() or 1.0))
-
-    @cached_property
-    def unit(self) -> float:
-        """A time near the pieces' [s]: the k-th derivative is a variable times its k-th power."""
-        return float(np.median(self.least)) * (1.0 if self.pieces == 1 else 0.5)
-
-    @cached_property
-    def places(self) -> tuple[Index, Array]:
-        """Which variable each entry of the states is, -1 for none, and the value of those that are none.
-
-        Both ``(K + 1, rows, n)``.
-        """
-        count, n = self.via[-1] + 1, len(self.joints)
-        free, fixed = np.ones((count, self.rows, n), dtype=bool), np.zeros((count, self.rows, n))
-        twins = {}
-        for i, k in enumerate(self.via):
-            ends = i in (0, len(self.points) - 1)
-            free[k, 0] = ~ends & (self.tolerance > 0.0)
-            fixed[k, 0] = self.points[i]
-            if i in self.dwells:
-                free[k, 1:] = free[k + 1] = False
-                fixed[k + 1, 0] = self.points[i]
-                twins[k + 1] = k
-            elif i in self.stops:
-                free[k, 1 : self.rest + 1] = False
-        for k, rows in self.given.items():
-            free[k, 1 : len(rows) + 1] = False
-            fixed[k, 1 : len(rows) + 1] = rows
-        index = np.full(free.shape, -1)
-        number = self.times
-        for order, joints in self.blocks:
-            own = np.zeros_like(free)
-            own[:, order, joints] = free[:, order, joints]
-            index[own] = number + np.arange(own.sum())
-            number += int(own.sum())
-        for k, twin in twins.items():
-            index[k, 0] = index[twin, 0]
-        return index, np.where(index < 0, fixed, 0.0)
-
-    @cached_property
-    def blocks(self) -> list[tuple[int, list[int]]]:
-        """Order and joints of each block of variables: joints of one unit together."""
-        kinds = dict.fromkeys(self.units)
-        return [
-            (order, [j for j, u in enumerate(self.units) if u == kind]) for order in range(self.rows) for kind in kinds
-        ]
-
-    @cached_property
-    def first(self) -> tuple[Index, Index, Index, Index]:
-        """Of each variable that is part of a state, in order: itself, its knot, order and joint."""
-        index, _ = self.places
-        knot, order, joint = np.nonzero(index >= 0)
-        variable, which = np.unique(index[knot, order, joint], return_index=True)
-        return variable, knot[which], order[which], joint[which]
-
-    @cached_property
-    def variables(self) -> tuple[Variable, ...]:
-        """The blocks."""
-        guessed = self.spread(self.least)
-        names = [f"T{k + 1}" for k in range(self.times)]
-        found = [Variable("T", SHORTEST * guessed, LONGEST * guessed, "s", tuple(names))]
-        lower, upper = self.bounds
-        _, knot, order, joint = self.first
-        several = len(set(self.units)) > 1
-        for k, joints in self.blocks:
-            own = np.flatnonzero((order == k) & np.isin(joint, joints))
-            if len(own):
-                unit = self.units[joints[0]]
-                labels = tuple(f"{ORDERS[k]}{knot[i]} {self.joints[joint[i]]}" for i in own)
-                name = f"{ORDERS[k]} [{unit}]" if several else ORDERS[k]
-                found.append(Variable(name, lower[own], upper[own], unit, labels))
-        return tuple(found)
-
-    @cached_property
-    def bounds(self) -> tuple[Array, Array]:
-        """Bounds of the variables that are part of states: of limits, and of via points within a tolerance."""
-        _, knot, order, joint = self.first
-        low, high = np.full(len(knot), -np.inf), np.full(len(knot), np.inf)
-        for k in range(self.rows):
-            pair = self.limits.bounds(k)
-            if pair is not None:
-                own = order == k
-                low[own], high[own] = pair[0][joint[own]] * self.unit**k, pair[1][joint[own]] * self.unit**k
-        point = np.full(self.via[-1] + 1, -1)
-        point[list(self.via)] = np.arange(len(self.points))
-        held = (order == 0) & (point[knot] >= 0)
-        middle, room = self.points[point[knot[held]], joint[held]], self.tolerance[joint[held]]
-        low[held], high[held] = np.maximum(low[held], middle - room), np.minimum(high[held], middle + room)
-        return low, high
-
-    def spread(self, legs: Array) -> Array:
-        """Durations of the variables ``(times,)`` of those of legs ``(L,)``."""
-        return legs if self.even else np.repeat(legs / self.pieces, self.pieces)
-
-    def durations(self, x: Any) -> Any:
-        """Durations of the segments ``(K,)``, of numbers or symbols."""
-        index, moves = self.durations_at, self.durations_at >= 0
-        share = 1.0 / self.pieces if self.even else 1.0
-        if isinstance(x, casadi.SX):
-            found = casadi.SX(self.waits)
-            found[np.flatnonzero(moves).tolist()] = x[index[moves].tolist()] * share
-            return found
-        found = self.waits.copy()
-        found[moves] = x[index[moves]] * share
-        return found
-
-    def duration(self, x: Any) -> Any:
-        """Total time [s]."""
-        moving = casadi.sum1(x[: self.times]) if isinstance(x, casadi.SX | casadi.MX) else x[: self.times].sum()
-        return moving + float(self.waits.sum())
-
-    def curve(self, x: Any) -> PiecewiseBezier:
-        """The curve."""
-        index, fixed = self.places
-        moves = index >= 0
-        scale = self.unit ** -np.arange(self.rows, dtype=float)
-        each = np.broadcast_to(scale[None, :, None], index.shape)[moves]
-        if not isinstance(x, casadi.SX):
-            x = np.asarray(x, dtype=float)
-            states = fixed.copy()
-            states[moves] = x[index[moves]] * each
-            return hermite(list(states), self.durations(x))
-        flat = casadi.SX(casadi.sparsify(casadi.DM(fixed.ravel())))
-        flat[np.flatnonzero(moves.ravel()).tolist()] = x[index[moves].tolist()] * casadi.DM(each)
-        n = len(self.joints)
-        table = casadi.reshape(flat, n, -1).T  # a row a knot and order
-        return hermite([table[k * self.rows : (k + 1) * self.rows, :] for k in range(len(index))], self.durations(x))
-
-    def variables_of(self, curve: PiecewiseBezier) -> Array:
-        """The decision vector of a numeric curve of this shape."""
-        if curve.segments != self.via[-1] or curve.dof != len(self.joints):
-            raise ProblemDefinitionError(
-                f"a curve of {curve.segments} segments and {curve.dof} joints was given; "
-                f"it has to have {self.via[-1]} and {len(self.joints)}"
-            )
-        ends = [(k, 0.0) for k in range(curve.segments)] + [(curve.segments - 1, 1.0)]
-        states = np.array([[curve.hodograph(k, order)[-int(u)] for order in range(self.rows)] for k, u in ends])
-        return self.packed(np.asarray(curve.durations, dtype=float), states)
-
-    def packed(self, durations: Array, states: Array) -> Array:
-        """The decision vector of durations ``(K,)`` and states ``(K + 1, rows, n)``."""
-        variable, knot, order, joint = self.first
-        x = np.zeros(self.times + len(variable))
-        np.add.at(x, self.durations_at[self.durations_at >= 0], durations[self.durations_at >= 0])
-        x[variable] = states[knot, order, joint] * self.unit**order
-        return x
-
-    def dilate(self, x: Array, factor: float) -> Array:
-        """The decision vector of the same path, ``factor`` times slower; dwells last what they last."""
-        variable, _, order, _ = self.first
-        slower = np.array(x, dtype=float)
-        slower[: self.times] *= factor
-        slower[variable] /= factor ** order.astype(float)
-        return slower
-
-    def guess(self, rng: np.random.Generator) -> Array:
-        """A start within the bounds: from via point to via point along straight lines, with stops, a little slower."""
-        durations, states = self.waits.copy(), self.places[1].copy()
-        for i, (leg, a, b) in enumerate(zip(self.legs, self.points[:-1], self.points[1:], strict=True)):
-            times, law = self.law(i)
-            slower = rng.uniform(*(SLOWER if len(self.legs) > 1 else SLOWER_LONE))
-            durations[list(leg)] = times * slower
-            inside = np.arange(leg.start + 1, leg.stop)
-            states[inside, 0] = a + law[1:-1, :1] * (b - a)
-            for order in range(1, 3):
-                states[inside, order] = law[1:-1, order : order + 1] * (b - a) / slower**order
-        lower, upper = (np.concatenate([getattr(v, side) for v in self.variables]) for side in ("lower", "upper"))
-        return np.clip(self.packed(durations, states), lower, upper)
-
-    def law(self, leg: int) -> tuple[Array, Array]:
-        """Durations ``(pieces,)`` [s] of a leg's pieces, and (s, s', s'') at their ends ``(pieces + 1, 3)``.
-
-        The shortest law of seven phases from rest to rest along the straight line, where no joint is beyond its limits.
-        """
-        step, least = np.abs(self.points[leg + 1] - self.points[leg]), float(self.least[leg])
-        bounds = []
-        for order, usual in ((1, 4.0), (2, 16.0), (3, 128.0)):  # usual: far from binding; where there is no limit
-            pair = self.limits.bounds(order)
-            reach = np.full(len(step), np.inf) if pair is None else np.minimum(-pair[0], pair[1])
-            lowest = float((reach / np.maximum(step, 1e-12)).min())
-            bounds.append(min(lowest, usual / least**order))
-        phases, states = time_law(*bounds)
-        if self.pieces == PHASES and not self.even:
-            return phases, states
-        knots = np.append(0.0, np.cumsum(phases))
-        u = np.linspace(0.0, 1.0, self.pieces + 1)
-        curve = hermite([state[:, None] for state in states], phases)
-        return np.diff(u) * knots[-1], np.hstack([curve(u * knots[-1], order) for order in range(3)])

@@ -82,6 +82,23 @@ class Decomposition:
     combine: Callable[[Sequence[Array]], Array]
 
 
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """Where a problem is among those of the same motion with fewer and with more pieces; see ``levels.levels_of``.
+
+    Attributes:
+        coarser: the problem with fewer pieces, whose optimum is the start of this one; None for the coarsest.
+        prolong: x of the coarser -> x of the same motion here, a little slower.
+        finer: the problem with more pieces, to which refinement goes on from this; None where it ends.
+        gain: relative gain of the objective from one level to the next below which it ends as well.
+    """
+
+    coarser: Callable[[], Problem] | None
+    prolong: Callable[[Array], Array]
+    finer: Callable[[], Problem] | None
+    gain: float
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Problem(Shown):
     """A trajectory optimisation problem: a path of named variables, objectives and limits.
@@ -110,6 +127,7 @@ class Problem(Shown):
         decomposition: solution by parts, as a paper does, in place of the whole.
         tighten_slacks: x -> x with the slacks of objectives at what its curve really has.
         tuning: how it is solved well.
+        levels: the problems of the same motion with fewer and more pieces, by which it is solved; None for none.
         about: what is said of it to people.
     """
 
@@ -131,6 +149,7 @@ class Problem(Shown):
     decomposition: Decomposition | None = None
     tighten_slacks: Callable[[Array], Array] | None = None
     tuning: Tuning = Tuning()
+    levels: Levels | None = None
     about: About = About()
     _functions: dict[Hashable, Any] = field(default_factory=dict, init=False)
 
@@ -170,7 +189,7 @@ class Problem(Shown):
                 raise ProblemDefinitionError(
                     f"{self.id}: hull rows of {name!r}, no limit on a derivative of the joints; those are {known}"
                 )
-        dof = self.curve(casadi.SX.sym("x", self.size)).dof
+        dof = self.at_symbols[1].dof
         if dof != self.requirements.dof:
             raise ProblemDefinitionError(f"{self.id}: the curve has {dof} joints, the limits {self.requirements.dof}")
         for variable in self.variables:
@@ -186,6 +205,17 @@ class Problem(Shown):
     def size(self) -> int:
         """Number of decision variables."""
         return sum(len(v.labels) for v in self.variables)
+
+    @property
+    def at_symbols(self) -> tuple[Any, PiecewiseBezier]:
+        """A casadi SX x ``(n,)`` and the curve of it, made once: of a long path that takes a while."""
+
+        def build() -> tuple[Any, PiecewiseBezier]:
+            x = casadi.SX.sym("x", self.size)
+            return x, self.curve(x)
+
+        found: tuple[Any, PiecewiseBezier] = self.cached("at symbols", build)
+        return found
 
     @property
     def lower(self) -> Array:

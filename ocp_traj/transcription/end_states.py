@@ -36,8 +36,7 @@ class FixedValue:
 
 def fixed_values(problem: Problem) -> list[FixedValue]:
     """Rows of path limits at both ends that depend on parameters alone."""
-    x = casadi.SX.sym("x", problem.size)
-    curve = problem.curve(x)
+    x, curve = problem.at_symbols
     p = casadi.SX.sym("p", len(problem.requirements.parameters))
     found = []
     for segment, u in ((0, 0.0), (curve.segments - 1, 1.0)):

@@ -85,8 +85,7 @@ def curve_function(problem: Problem) -> Any:
     """Casadi SX Function x -> (durations ``(K,)``, p, control points of each segment ``(n_k + 1, dof)``)."""
 
     def build() -> Any:
-        x = casadi.SX.sym("x", problem.size)
-        curve = problem.curve(x)
+        x, curve = problem.at_symbols
         outputs = [casadi.densify(o) for o in (curve.durations, problem.parameters(x), *curve.control_points)]
         return casadi.Function("curve", [x], outputs)
 
