@@ -73,7 +73,11 @@ def levels_of(
         def prolong(x: Array) -> Array:
             before = curve(i - 1)
             size = sum(len(v.labels) for v in before.variables)
-            finer = own.variables_of(cut(before.curve(x[:size]), sizes[i] // sizes[i - 1], before.legs))
+            parts = sizes[i] // sizes[i - 1]
+            if own.refine is not None:
+                finer = own.refine(x[:size], parts)
+            else:
+                finer = own.variables_of(cut(before.curve(x[:size]), parts, before.legs))
             slower = finer if own.dilate is None else own.dilate(finer, SLOWER)
             return np.concatenate([slower, x[size:]])
 

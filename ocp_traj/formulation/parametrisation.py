@@ -11,7 +11,7 @@ import numpy as np
 from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.formulation.problem import Variable
-from ocp_traj.formulation.requirements import Points
+from ocp_traj.formulation.requirements import PathConstraint, Points
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +30,9 @@ class Parametrisation:
         hull_rows: orders of derivatives, 0 to 4, whose limits are best held at control points (``Tuning.hull_rows``).
         scales_in_time: whether the variables are the durations of the segments and nothing else; see ``Problem``.
         duration: x -> total time [s], a number or an expression.
+        limits: that the curve needs to be what it says, beside those of the problem.
+        refine: (x with pieces that are some whole number of these long, that number) -> x of the same motion; None
+            where the curve's pieces cut evenly give it.
     """
 
     variables: tuple[Variable, ...]
@@ -43,3 +46,5 @@ class Parametrisation:
     hull_rows: tuple[int, ...]
     scales_in_time: bool
     duration: Callable[[Any], Any]
+    limits: tuple[PathConstraint, ...] = ()
+    refine: Callable[[Array, int], Array] | None = None

@@ -1,0 +1,292 @@
+"""The time law s(t) of a motion q(s(t)) along a given path: its values at knots are given, its derivatives are not.
+
+Between knots it is a Hermite polynomial in its duration and in its derivatives at both ends, so that a segment of the
+motion depends on few variables. (With the places of the knots free as well, solves seldom converge.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi
+import numpy as np
+
+from ocp_traj.arrays import Array, Index
+from ocp_traj.curves.bernstein import PiecewiseBezier, basis, subdivision_matrix
+from ocp_traj.curves.composition import compose
+from ocp_traj.curves.families import hermite
+from ocp_traj.errors import InputError, ProblemDefinitionError
+from ocp_traj.formulation.problem import Variable
+from ocp_traj.paths.joint_path import JointPath
+from ocp_traj.robot.joint_limits import JointLimits
+
+SHORTEST, LONGEST = 1e-3, 1e2  # bounds of durations, of the guessed ones: our choice, far from any optimum met
+SHARE = 0.6  # of the largest acceleration that the guess uses: our choice
+SLOWER = (1.0, 1.3)  # random starts are so many times slower than the guess: our choice
+NAMES = ("s", "s'", "s''", "s'''")
+MOST_CUTS = 6  # times that a piece of the path is halved so that it turns by less than a right angle
+SAMPLES = np.linspace(0.0, 1.0, 5)  # of a piece, for the guess
+
+
+@dataclass(frozen=True, eq=False)
+class TimeLaw:
+    """A time law and the motion it makes of a path.
+
+    Attributes:
+        path: the path; its parameter is s.
+        limits: of the joints.
+        rows: s and its derivatives at a knot, 2 to 4: C1 cubics, C2 quintics or C3 septics.
+        pieces: segments from one point of the path to the next, of equal steps of s; more where it turns sharply.
+        rest: derivatives of the joints that vanish at both ends.
+    """
+
+    path: JointPath
+    limits: JointLimits
+    rows: int
+    pieces: int
+    rest: int
+
+    @cached_property
+    def _cuts(self) -> tuple[list[tuple[int, float, float]], Array, tuple[range, ...]]:
+        """Of each segment: that of the path and its part of it; a direction along it ``(K, n)``; segments of each leg.
+
+        The path goes on along the direction, all over the segment.
+        """
+        arcs: list[tuple[int, float, float]] = []
+        ways, legs = [], []
+        for leg in range(self.path.curve.segments):
+            first, todo = len(arcs), [(0.0, 1.0)]
+            while todo:
+                a, b = todo.pop()
+                points = self.path.curve.restrict(leg, a, b)
+                way = points[-1] - points[0]
+                steps = np.diff(points, axis=0) @ way
+                if (steps < -1e-9 * np.abs(steps).max()).any() or not way.any():
+                    if b - a < 0.6**MOST_CUTS:
+                        raise InputError(
+                            f"the path turns back between its points {leg + 1} and {leg + 2}, which its geometry alone "
+                            "does not time; make a point of the turn, and two paths"
+                        )
+                    todo += [((a + b) / 2.0, b), (a, (a + b) / 2.0)]
+                    continue
+                at = np.linspace(a, b, self.pieces + 1)
+                arcs += [(leg, float(at[i]), float(at[i + 1])) for i in range(self.pieces)]
+                ways += [way / np.linalg.norm(way)] * self.pieces
+            legs.append(range(first, len(arcs)))
+        return arcs, np.array(ways), tuple(legs)
+
+    @property
+    def legs(self) -> tuple[range, ...]:
+        """Segments from each point of the path to the next."""
+        return self._cuts[2]
+
+    @property
+    def directions(self) -> Array:
+        """Along which the path goes on all over each segment: unit vectors ``(K, n)``."""
+        return self._cuts[1]
+
+    @cached_property
+    def arcs(self) -> PiecewiseBezier:
+        """The path of each segment, its ``durations`` the steps of s."""
+        curve, (cuts, _, _) = self.path.curve, self._cuts
+        steps = [curve.durations[leg] * (b - a) for leg, a, b in cuts]
+        return PiecewiseBezier(np.array(steps), tuple(curve.restrict(leg, a, b) for leg, a, b in cuts))
+
+    @cached_property
+    def count(self) -> int:
+        """Number of segments K."""
+        return self.arcs.segments
+
+    @cached_property
+    def free(self) -> list[tuple[int, int]]:
+        """Knot and order of each derivative that is a variable, by order.
+
+        At an end where the path's own derivatives vanish the joints rest whatever the law.
+        """
+        held = set()
+        for knot, u, leg in ((0, 0.0, 0), (self.count, 1.0, self.count - 1)):
+            own = [np.abs(self.arcs.at(leg, u, order)).max() for order in range(1, self.rest + 1)]
+            sizes = [np.abs(self.arcs.hodograph(leg, order)).max() for order in range(1, self.rest + 1)]
+            if any(value > 1e-9 * size for value, size in zip(own, sizes, strict=True)):
+                held |= {(knot, order) for order in range(1, self.rest + 1)}
+        return [(k, order) for order in range(1, self.rows) for k in range(self.count + 1) if (k, order) not in held]
+
+    @cached_property
+    def places(self) -> Index:
+        """Which variable each derivative is ``(K + 1, rows - 1)``; -1 for one that is 0."""
+        found = np.full((self.count + 1, self.rows - 1), -1)
+        for i, (k, order) in enumerate(self.free):
+            found[k, order - 1] = self.count + i
+        return found
+
+    @cached_property
+    def guessed(self) -> tuple[Array, Array]:
+        """Durations ``(K,)`` [s], and s' at knots ``(K + 1,)``, of a law with some share of what limits allow.
+
+        Speeds are within what velocity, curvature and its change allow; from knot to knot they change no faster than
+        accelerations allow, and, from rest, jerks.
+        """
+        step, n = self.arcs.durations, self.path.curve.dof
+        slopes = [
+            np.array([np.abs(self.arcs.at(k, SAMPLES, order)).max(axis=0) for k in range(self.count)])
+            for order in range(1, 4)
+        ]
+        reach = []
+        for order in range(1, 4):
+            pair = self.limits.bounds(order)
+            reach.append(np.full(n, np.inf) if pair is None else np.minimum(-pair[0], pair[1]))
+        with np.errstate(divide="ignore"):
+            caps = [
+                (SHARE * bound / slope).min(axis=1) ** (1 / m)
+                for m, (bound, slope) in enumerate(zip(reach, slopes, strict=True), 1)
+            ]
+            along = (SHARE * reach[1] / slopes[0]).min(axis=1)
+            jerks = (reach[2] / slopes[0]).min(axis=1)
+        cap = np.min(caps, axis=0)
+        usual = self.path.curve.durations.sum()  # one unit of s a second where nothing is limited
+        cap = np.where(np.isfinite(cap), cap, usual / self.path.curve.segments)
+        # A jerk j takes a piece of length h from rest to a speed of (9 j h^2 / 2)^(1/3).
+        along = np.minimum(np.where(np.isfinite(along), along, cap**2 / step), (jerks**2 * step) ** (1 / 3))
+        square = np.concatenate([cap[:1], np.minimum(cap[1:], cap[:-1]), cap[-1:]]) ** 2
+        square[[0, -1]] *= self.places[[0, -1], 0] >= 0
+        for k in range(self.count):
+            square[k + 1] = min(square[k + 1], square[k] + 2.0 * along[k] * step[k])
+        for k in reversed(range(self.count)):
+            square[k] = min(square[k], square[k + 1] + 2.0 * along[k] * step[k])
+        speed = np.sqrt(square)
+        return 2.0 * step / (speed[1:] + speed[:-1]), speed
+
+    @cached_property
+    def unit(self) -> float:
+        """A time near the pieces' [s]: the k-th derivative is a variable over its k-th power."""
+        return float(np.median(self.guessed[0]))
+
+    @cached_property
+    def variables(self) -> tuple[Variable, ...]:
+        """Durations, and the derivatives of each order."""
+        durations = self.guessed[0]
+        found = [
+            Variable("T", SHORTEST * durations, LONGEST * durations, "s", tuple(f"T{k + 1}" for k in range(self.count)))
+        ]
+        speed = self.limits.bounds(1)
+        for order in range(1, self.rows):
+            own = [k for k, m in self.free if m == order]
+            high = np.full(len(own), np.inf)
+            if order == 1 and speed is not None:  # what a knot's velocities allow
+                slopes = np.abs([self.arcs.at(min(k, self.count - 1), float(k == self.count), 1)[0] for k in own])
+                with np.errstate(divide="ignore"):
+                    high = (np.where(slopes > 0.0, np.maximum(-speed[0], speed[1]), np.inf) / slopes).min(axis=1)
+            low = np.zeros(len(own)) if order == 1 else -high
+            labels = tuple(f"{NAMES[order]}{k}" for k in own)
+            found.append(Variable(NAMES[order], low * self.unit**order, high * self.unit**order, "-", labels))
+        return tuple(found)
+
+    def laws(self, x: Any) -> tuple[Any, list[Any]]:
+        """Durations ``(K,)`` and control points ``(2 rows,)`` of each segment's part of s, from 0 to 1."""
+        symbolic = isinstance(x, casadi.SX)
+        durations = x[: self.count]
+        found = []
+        for k in range(self.count):
+            ends = []
+            for knot, place in ((k, 0.0), (k + 1, 1.0)):
+                rates = [
+                    x[int(i)] * (self.unit**-order / self.arcs.durations[k]) if i >= 0 else 0.0
+                    for order, i in enumerate(self.places[knot], 1)
+                ]
+                ends.append(casadi.vertcat(place, *rates) if symbolic else np.array([[place], *([r] for r in rates)]))
+            found.append(hermite([casadi.SX(e) for e in ends] if symbolic else ends, durations[k : k + 1]))
+        return durations, [law.control_points[0] if symbolic else law.control_points[0][:, 0] for law in found]
+
+    def curve(self, x: Any) -> PiecewiseBezier:
+        """The motion."""
+        x = x if isinstance(x, casadi.SX) else np.asarray(x, dtype=float)
+        durations, laws = self.laws(x)
+        points = (compose(path, law) for path, law in zip(self.arcs.control_points, laws, strict=True))
+        return PiecewiseBezier(durations, tuple(points))
+
+    def packed(self, durations: Array, laws: list[Array]) -> Array:
+        """The decision vector of durations and control points of each segment's part of s."""
+        parts = PiecewiseBezier(durations, tuple(law[:, None] for law in laws))
+        rates = np.zeros((self.count + 1, self.rows - 1))
+        for order in range(1, self.rows):
+            own = [parts.hodograph(k, order)[:, 0] * self.arcs.durations[k] for k in range(self.count)]
+            rates[:, order - 1] = [*(part[0] for part in own), own[-1][-1]]
+        return np.concatenate([durations, [rates[k, order - 1] * self.unit**order for k, order in self.free]])
+
+    def variables_of(self, curve: PiecewiseBezier) -> Array:
+        """The decision vector of a numeric curve of this shape: the law is found from places along each segment."""
+        degree = 2 * self.rows - 1
+        expected = [n * degree for n in self.arcs.degrees]
+        if list(curve.degrees) != expected or curve.dof != self.arcs.dof:
+            raise ProblemDefinitionError(
+                f"a curve of {curve.segments} segments and {curve.dof} joints was given; it has to have {self.count} "
+                f"and {self.arcs.dof}, of this path and law"
+            )
+        inner = (1.0 - np.cos(np.pi * np.arange(1, degree) / degree)) / 2.0
+        weights = basis(degree, inner)
+        laws = []
+        for k in range(self.count):
+            places = nearest(self.arcs, k, curve.at(k, inner))
+            laws.append(np.concatenate([[0.0], np.linalg.solve(weights[:, 1:-1], places - weights[:, -1]), [1.0]]))
+        return self.packed(np.asarray(curve.durations, dtype=float), laws)
+
+    def dilate(self, x: Array, factor: float) -> Array:
+        """The decision vector of the same motion, ``factor`` times slower."""
+        slower = np.array(x, dtype=float)
+        slower[: self.count] *= factor
+        slower[self.count :] /= factor ** np.array([float(order) for _, order in self.free])
+        return slower
+
+    def refined(self, coarser: TimeLaw, x: Array) -> Array:
+        """The decision vector of the motion that is ``x`` of a law with fewer pieces, a whole fraction of these."""
+        parts = self.count // coarser.count
+        durations, laws = coarser.laws(np.asarray(x, dtype=float))
+        times, found = [], []
+        for duration, law in zip(durations, laws, strict=True):
+            cuts = np.array([0.0, *(reached(law, i / parts) for i in range(1, parts)), 1.0])
+            for i in range(parts):
+                own = subdivision_matrix(len(law) - 1, cuts[i], cuts[i + 1]) @ law * parts - i
+                times.append(duration * (cuts[i + 1] - cuts[i]))
+                found.append(np.concatenate([[0.0], own[1:-1], [1.0]]))
+        return self.packed(np.array(times), found)
+
+    def guess(self, rng: np.random.Generator) -> Array:
+        """A start within the bounds."""
+        durations, speed = self.guessed
+        rates = np.zeros((self.count + 1, self.rows - 1))
+        rates[:, 0] = speed
+        if self.rows > 2:
+            slopes = np.diff(speed) / durations
+            rates[1:-1, 1] = 0.5 * (slopes[1:] + slopes[:-1])
+        x = np.concatenate([durations, [rates[k, order - 1] * self.unit**order for k, order in self.free]])
+        lower, upper = (np.concatenate([getattr(v, side) for v in self.variables]) for side in ("lower", "upper"))
+        return np.clip(self.dilate(x, float(rng.uniform(*SLOWER))), lower, upper)
+
+
+def nearest(arcs: PiecewiseBezier, segment: int, points: Array) -> Array:
+    """Where on a segment of a path it is nearest to points ``(N, dof)``: ``(N,)``, from 0 to 1."""
+    grid = np.linspace(0.0, 1.0, 101)
+    distance = ((arcs.at(segment, grid)[None] - points[:, None]) ** 2).sum(axis=2)
+    found = grid[np.argmin(distance, axis=1)]
+    step = arcs.durations[segment]
+    for _ in range(8):  # of Newton's method, from within half a percent
+        away = arcs.at(segment, found) - points
+        first, second = (arcs.at(segment, found, order) * step**order for order in (1, 2))
+        bend = (first**2).sum(axis=1) + (away * second).sum(axis=1)
+        move = (away * first).sum(axis=1) / np.where(bend > 0.0, bend, np.inf)
+        found = np.clip(found - move, 0.0, 1.0)
+    return found
+
+
+def reached(law: Array, place: float) -> float:
+    """When a law ``(d + 1,)`` from 0 to 1, that never runs back, reaches a place, by bisection."""
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if basis(len(law) - 1, middle)[0] @ law < place:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
