@@ -16,7 +16,7 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow kill fuzz interrupts bench-speed bench-arms bench-ruckig bench-vias bench-toppra coverage lint clean
+.PHONY: help front test test-slow kill fuzz interrupts bench-speed bench-arms bench-ruckig bench-vias coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
