@@ -34,6 +34,7 @@ from ocp_traj.version import __version__
 
 if TYPE_CHECKING:
     from ocp_traj.formulation.problem import Problem
+    from ocp_traj.formulation.task import Task
     from ocp_traj.proof.verdicts import Audit
     from ocp_traj.results.solution import Solution
 
@@ -60,7 +61,9 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-ProblemName = Annotated[str, typer.Argument(metavar="PROBLEM", help="Id of a problem; see `ocp-traj problems`.")]
+ProblemName = Annotated[
+    str, typer.Argument(metavar="PROBLEM", help="Id of a problem, see `ocp-traj problems`, or a task file (TOML).")
+]
 Fields = Annotated[
     list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="Change a field of the case; may be repeated.")
 ]
@@ -169,12 +172,17 @@ def solve(
     for path in targets:
         check_writable(path)
     options = methods.options_from_text(methods.SOLVE, method, _pairs(option, "--option"))
+    if objective is None and not weights and (task := _task(chosen)) is not None:
+        wanted = task.objective.minimise
+        weights = {wanted: 1.0} if isinstance(wanted, str) else dict(wanted)
     with stopping() as stop:
         with console.progress("solving") as progress:
             solution = api.solve(
                 chosen, objective=objective, weights=weights, method=method, starts=starts, seed=seed,
                 all_optima=all_optima, certify=certify, progress=progress, **options,
             )  # fmt: skip
+        if chosen.levels is not None and solution.trajectory is not None:
+            chosen = solution.trajectory.origin or chosen  # of the level that was reached
         try:  # what was found is shown whatever becomes of the files, and written whatever becomes of stdout
             _write(solution, chosen, output, plot, history)
         finally:
@@ -187,8 +195,10 @@ def solve(
 @one_blas_thread
 def pareto(
     problem: ProblemName,
-    objectives: Annotated[str, typer.Option(metavar="A,B[,..]", help="Objectives to trade.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN", help="Folder to write the run to.")],
+    objectives: Annotated[
+        str | None, typer.Option(metavar="A,B[,..]", help="Objectives to trade; those of a task's front if not given.")
+    ] = None,
     method: Annotated[str, typer.Option(help=f"One of: {', '.join(methods.FRONT)}.")] = "trace",
     option: Options = None,
     points: Annotated[
@@ -222,6 +232,14 @@ def pareto(
     from ocp_traj.results.pareto_set import ENDED_AFTER
 
     chosen = _load(problem, set_)
+    task = _task(chosen)
+    front_table = None if task is None else task.objective.front
+    if objectives is None:
+        if front_table is None:
+            more = ", or write front = { objectives = [..] } under [objective]" if task is not None else ""
+            raise InputError(f"there are no objectives to trade; give --objectives A,B{more}")
+        objectives = ",".join(front_table.objectives)
+        points = points or front_table.points
     names = tuple(name.strip() for name in objectives.split(",") if name.strip())
     corners = [_point(text, names, what) for text, what in ((reference, "--reference"), (ideal, "--ideal"))]
     unbounded = [name for name in names if name not in chosen.reference_point]
@@ -478,7 +496,19 @@ def _interrupted(words: str) -> int:
 def _load(name: str, assignments: Sequence[str] | None) -> Problem:
     from ocp_traj import problems
 
-    return problems.load(name, **_pairs(assignments, "--set"))
+    changes = _pairs(assignments, "--set")
+    if name.lower().endswith(".toml"):
+        if "file" in changes:
+            raise InputError("--set file is no place in a task; give one such as robot.payload.mass")
+        return problems.load("task", file=name, **changes)
+    return problems.load(name, **changes)
+
+
+def _task(problem: Problem) -> Task | None:
+    """The task a problem is made from, if it is."""
+    from ocp_traj.formulation.task import Task
+
+    return problem.case if isinstance(problem.case, Task) else None
 
 
 def _pairs(assignments: Sequence[str] | None, option: str) -> dict[str, str]:

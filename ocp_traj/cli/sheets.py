@@ -36,9 +36,21 @@ def _notes(problem: Problem) -> list[Rows]:
     return [("Not in the paper", ["this case has"], notes)] if notes else []
 
 
+def _case(problem: Problem) -> dict[str, Any]:
+    """The fields of a problem's case."""
+    from ocp_traj.formulation.task import Task
+
+    if isinstance(problem.case, Task):
+        robot = problem.case.robot.numbers or {}
+        return problem.case.fields() | {
+            "robot": {"numbers": f"{robot.get('name')}, {len(robot.get('joints', ()))} joints"}
+        }
+    return {f.name: getattr(problem.case, f.name) for f in fields(problem.case)} if is_dataclass(problem.case) else {}
+
+
 def problem_sheet(problem: Problem) -> Sheet:
     """A problem's case, variables, objectives and limits."""
-    case = {f.name: getattr(problem.case, f.name) for f in fields(problem.case)} if is_dataclass(problem.case) else {}
+    case = _case(problem)
     parts = problem.summary()
     data = {
         "problem": problem.id,

@@ -52,7 +52,9 @@ def task_of(data: Any, name: str = "the task", text: str = "") -> Task:
     try:
         return Task.model_validate(data)
     except ValidationError as error:
-        found = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")  # a key misspelt is missing as well
+        found = sorted(
+            error.errors(), key=lambda e: e["type"] != "extra_forbidden"
+        )  # a key misspelt is missing as well
         raise FileFormatError(_complaint(found[0], data, name, text)) from error
     except RecursionError as error:
         raise FileFormatError(f"{name} is nested too deep") from error
@@ -68,7 +70,9 @@ def _put(data: dict[str, Any], place: str, value: Any) -> None:
         elif isinstance(here, dict):
             here = here.setdefault(part, {})
         else:
-            raise InputError(f"{quoted(place)} is no place in a task; give one such as robot.payload.mass or move.0.via")
+            raise InputError(
+                f"{quoted(place)} is no place in a task; give one such as robot.payload.mass or move.0.via"
+            )
     if isinstance(here, list) and key.isdigit() and int(key) < len(here):
         here[int(key)] = _value(value)
     elif isinstance(here, dict):
@@ -181,7 +185,7 @@ def _description(place: Place) -> str:
 
 
 def _line(text: str, place: Place) -> str:
-    """":LINE" where the innermost key of a place that is written down stands; nothing where none is.
+    """ ":LINE" where the innermost key of a place that is written down stands; nothing where none is.
 
     A key of an inline table has the line on which it, or at least its table, stands.
     """

@@ -19,6 +19,7 @@ from ocp_traj.errors import FileFormatError, InputError, cut, quoted
 from ocp_traj.files import write_text
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.registry import load
+from ocp_traj.formulation.task import Task
 from ocp_traj.proof.audit import audit_all
 from ocp_traj.proof.verdicts import Audit
 from ocp_traj.results.provenance import audit_motions, bound_rows
@@ -177,6 +178,8 @@ def case_fields(problem: Problem) -> dict[str, Any]:
 
     A case that is no dataclass, or none at all, has no fields.
     """
+    if isinstance(problem.case, Task):
+        return problem.case.fields()
     if not is_dataclass(problem.case):
         return {}
     given = {f.name: (_plain(getattr(problem.case, f.name)), _plain(_default(f))) for f in fields(problem.case)}
