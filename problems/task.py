@@ -222,10 +222,10 @@ def _resolved_move(move: MoveTable, task: Task, folder: Path, robot: Robot, fact
     for side in ("begin", "end"):
         table = getattr(move, side)
         if table is not None:
-            rows = {k: v for k, v in dict(table).items() if v is not None}
-            if any(len(v) != robot.size for v in rows.values()):
+            given = {k: v for k, v in dict(table).items() if v is not None}
+            if any(len(v) != robot.size for v in given.values()):
                 raise InputError(f"{task.name}: {side} of [[move]] needs {robot.size} numbers, one a joint")
-            changed[side] = Derivatives(**{k: (np.array(v) * factor).tolist() for k, v in rows.items()})
+            changed[side] = Derivatives(**{k: (np.array(v) * factor).tolist() for k, v in given.items()})
     return move.model_copy(update=changed)
 
 
@@ -381,13 +381,12 @@ def _points(task: Task, robot: Robot, route: _Route, made: Parametrisation) -> t
             value = np.concatenate(rows)
             labels = tuple(f"{'va'[k]} {joint}" for k in range(len(rows)) for joint in robot.joints)
             units = tuple(unit for k in range(len(rows)) for unit in standard.units_of(robot.units, k + 1))
-            count = len(rows)
+            derivatives = _derivatives(len(rows))
             found.append(
                 PointConstraint(
-                    side, lambda s, count=count: casadi.vertcat(*s[1 : count + 1]), (at,), value, value, units, labels,
-                    structural=True, tolerance=REST_TOLERANCE,
+                    side, derivatives, (at,), value, value, units, labels, structural=True, tolerance=REST_TOLERANCE
                 )
-            )  # fmt: skip
+            )
     tolerance = np.max([np.broadcast_to(move.tolerance, (n,)) for move in task.move], axis=0)
     if not tolerance.any():
         return (*found, standard.via_points(route.points, made.knots, *axes))
@@ -425,13 +424,18 @@ def _objectives(robot: Robot, effort: Expression | None, made: Parametrisation) 
     found.append(Objective("movement", unit, variation=lambda s: s.q))
     for order, name in ((2, "acceleration"), (3, "jerk")):
         top, unit = shares(name)
-        found.append(
-            Objective(
-                name, unit or f"(rad/s{order})2 s",
-                integrand=lambda s, order=order, top=top: casadi.sumsqr(s[order] / top),
-            )
-        )  # fmt: skip
+        found.append(Objective(name, unit or f"(rad/s{order})2 s", integrand=_squares(order, top)))
     return tuple(found)
+
+
+def _derivatives(count: int) -> Expression:
+    """The first so many derivatives of the joints."""
+    return lambda s: casadi.vertcat(*s[1 : count + 1])
+
+
+def _squares(order: int, most: Array) -> Expression:
+    """The sum of squares of a derivative, each joint's over ``most``."""
+    return lambda s: casadi.sumsqr(s[order] / most)
 
 
 def _default(task: Task, objectives: Sequence[Objective]) -> str:

@@ -18,7 +18,7 @@ VIA = (EXAMPLES / "ur5-via.toml").read_text()
 
 # What is written in place of what, and what the complaint says of it.
 BROKEN = [
-    ("acceleration = 8.0", "acceleratoin = 8.0", r"x.toml:11: \[limits\] acceleratoin is not allowed \(nearest is 'acc"),
+    ("acceleration = 8.0", "acceleratoin = 8.0", r"x.toml:11: \[limits\] acceleratoin is not allowed \(nearest is"),
     ("mass = 3.0", "mass = -3.0", r"x.toml:7: \[robot\] payload.mass is -3.0; give a mass \[kg\], 0 or more"),
     ("mass = 3.0, ", "", r"\[robot\] payload.mass is missing; give a mass"),
     ('"cubic"', '"cubik"', r"x.toml:15: \[curve\] kind is 'cubik'; give one of cubic, quintic"),

@@ -1,7 +1,7 @@
 """A task: a robot, a path, limits and objectives as plain data, ``ocp-traj/task/1``; from a TOML file or built in code.
 
 Every field says in its description what it may be: that is what a complaint about it ends with. A task is *resolved*
-when nothing outside it decides what it means: its robot is given in numbers, all of it is in SI, its points stand in it.
+when nothing outside it decides what it means: robot in numbers, all of it in SI, points given.
 """
 
 from __future__ import annotations
@@ -317,7 +317,7 @@ class Source(Table):
 class Task(Table):
     """A task. Its fields are the tables of a task file, by the same names; in SI unless ``units`` say otherwise."""
 
-    format: Literal["ocp-traj/task/1"] = Field(FORMAT, description=f'"{FORMAT}"')
+    format: Literal["ocp-traj/task/1"] = Field("ocp-traj/task/1", description=f'"{FORMAT}"')
     name: str = Field("task", min_length=1, max_length=200, description="a name")
     units: Units = Field(Units(), description="a table with angle and length")
     robot: RobotTable = Field(description="a table, [robot]")

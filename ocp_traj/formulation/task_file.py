@@ -17,6 +17,7 @@ from ocp_traj.files import LONGEST_PATH, read_text
 from ocp_traj.formulation.task import FORMAT, LATER, Source, Task, allowed_in, shown
 
 Place = tuple[int | str, ...]
+NO_PLACE = "is no place in a task; give one such as robot.payload.mass or move.0.via"
 
 
 def read_task(path: str | Path, changes: Mapping[str, Any] | None = None) -> Task:
@@ -70,15 +71,13 @@ def _put(data: dict[str, Any], place: str, value: Any) -> None:
         elif isinstance(here, dict):
             here = here.setdefault(part, {})
         else:
-            raise InputError(
-                f"{quoted(place)} is no place in a task; give one such as robot.payload.mass or move.0.via"
-            )
+            raise InputError(f"{quoted(place)} {NO_PLACE}")
     if isinstance(here, list) and key.isdigit() and int(key) < len(here):
         here[int(key)] = _value(value)
     elif isinstance(here, dict):
         here[key] = _value(value)
     else:
-        raise InputError(f"{quoted(place)} is no place in a task; give one such as robot.payload.mass or move.0.via")
+        raise InputError(f"{quoted(place)} {NO_PLACE}")
 
 
 def _value(value: Any) -> Any:
@@ -185,7 +184,7 @@ def _description(place: Place) -> str:
 
 
 def _line(text: str, place: Place) -> str:
-    """ ":LINE" where the innermost key of a place that is written down stands; nothing where none is.
+    """A colon and the line on which the innermost key of a place stands that is written down, or nothing.
 
     A key of an inline table has the line on which it, or at least its table, stands.
     """

@@ -276,8 +276,8 @@ def nearest(arcs: PiecewiseBezier, segment: int, points: Array) -> Array:
         first, second = (arcs.at(segment, found, order) * step**order for order in (1, 2))
         bend = (first**2).sum(axis=1) + (away * second).sum(axis=1)
         move = (away * first).sum(axis=1) / np.where(bend > 0.0, bend, np.inf)
-        found = np.clip(found - move, 0.0, 1.0)
-    return found
+        found = np.asarray(np.clip(found - move, 0.0, 1.0))
+    return np.asarray(found)
 
 
 def reached(law: Array, place: float) -> float:

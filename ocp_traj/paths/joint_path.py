@@ -71,7 +71,7 @@ class JointPath:
                 f"a path of degree {degree} needs {DEGREES[degree]} points or more; got {len(where)}; give more{words}"
             )
         chords = np.linalg.norm(np.diff(where, axis=0), axis=1)
-        for i in np.flatnonzero(~(chords > SAME * chords.sum())):
+        for i in np.flatnonzero(~(chords > SAME * chords.sum())).tolist():
             one, two = (places[k] if places else f"point {k + 1}" for k in (i, i + 1))
             raise InputError(f"{one} and {two} of the path are the same; leave one of them out")
         at = np.append(0.0, np.cumsum(chords))
