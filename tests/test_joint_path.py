@@ -5,11 +5,14 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline, make_interp_spline
 
+import ocp_traj as ot
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.families import cubic_spline_free_ends, nonic
 from ocp_traj.errors import FileFormatError, InputError
+from ocp_traj.io.path_file import load_path
 from ocp_traj.paths.joint_path import JointPath
 from ocp_traj.paths.path_points import read_points
+from ocp_traj.results.trajectory import Trajectory
 
 JOINTS = ("shoulder", "elbow", "wrist")
 POINTS = np.array(
@@ -151,3 +154,44 @@ def test_points_given_twice_are_named_with_their_lines(tmp_path: Path) -> None:
     points, places = read_points(table(tmp_path, HEAD + "1,2,3\n4,5,6\n4,5,6\n"), JOINTS)
     with pytest.raises(InputError, match="line 3 of .*path.csv and line 4 of"):
         JointPath.through(points, JOINTS, places=places)
+
+
+def saved(tmp_path: Path, order: list[int]) -> tuple[Trajectory, Path]:
+    curve = cubic_spline_free_ends(POINTS, np.full(7, 0.4))
+    mixed = PiecewiseBezier(curve.durations, tuple(points[:, order] for points in curve.control_points))
+    trajectory = Trajectory(mixed, tuple(JOINTS[i] for i in order))
+    return trajectory, trajectory.save(tmp_path / "motion.json")
+
+
+def test_a_trajectory_file_gives_its_geometry_with_joints_matched_by_name(tmp_path: Path) -> None:
+    _, file = saved(tmp_path, [2, 0, 1])
+    path = load_path(file, JOINTS)
+    assert path.joints == JOINTS and path.continuity == 2
+    assert np.abs(path.points[[0, 2, 3, 4, 5, 7]] - POINTS).max() < 1e-15
+    with pytest.raises(FileFormatError, match="its joint 'wrist' is none of the robot's"):
+        load_path(file, ("shoulder", "elbow", "hand"))
+    with pytest.raises(FileFormatError, match="the joint 'hand' is missing"):
+        load_path(file, (*JOINTS, "hand"))
+    with pytest.raises(InputError, match="no run folder"):
+        load_path(file, JOINTS, point=1)
+
+
+def test_points_of_a_file_are_joined_by_a_spline(tmp_path: Path) -> None:
+    file = tmp_path / "path.json"
+    file.write_text(json.dumps(MESSAGE))
+    for degree, continuity in ((3, 2), (5, 4)):
+        path = load_path(file, JOINTS, degree=degree)
+        assert np.abs(path.points - POINTS).max() < 1e-13 and path.continuity == continuity
+
+
+def test_a_run_with_many_trajectories_is_asked_which(tmp_path: Path) -> None:
+    problem = ot.problems.load("rotor-353")
+    front = ot.pareto(problem, ["time", "effort"], points=2)
+    folder = ot.save_run(front, tmp_path / "run")
+    names = front.points[0].trajectory.joints
+    with pytest.raises(InputError, match="has 2 trajectories; say which, point = 0 to 1"):
+        load_path(folder, names)
+    with pytest.raises(InputError, match="there is no point 2"):
+        load_path(folder, names, point=2)
+    path = load_path(folder, names, point=1)
+    assert path.curve.durations.tolist() == front.points[1].trajectory.curve.durations.tolist()

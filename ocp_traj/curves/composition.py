@@ -10,7 +10,7 @@ Transactions on Graphics 7(3), has the general case.
 
 from __future__ import annotations
 
-from functools import reduce
+from functools import lru_cache
 from math import comb
 from typing import Any
 
@@ -18,7 +18,6 @@ import casadi
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import Points
 from ocp_traj.errors import ProblemDefinitionError
 
@@ -38,44 +37,39 @@ def compose(path: ArrayLike, law: Any) -> Points:
     """
     points = np.asarray(path, dtype=float)
     symbolic = isinstance(law, casadi.SX)
-    places = casadi.vertsplit(law) if symbolic else list(np.asarray(law, dtype=float).ravel())
-    n, d = len(points) - 1, len(places) - 1
+    places = law if symbolic else np.asarray(law, dtype=float).ravel()
+    n, d = len(points) - 1, places.shape[0] - 1
     if points.ndim != 2 or n < 1 or d < 1:
         raise ProblemDefinitionError(
-            f"a path and a time law need control points of degree 1 or more; got {points.shape} and {len(places)}"
+            f"a path and a time law need control points of degree 1 or more; got {points.shape} and {places.shape}"
         )
-    forward = [comb(d, i) * s for i, s in enumerate(places)]
-    backward = [comb(d, i) * (1.0 - s) for i, s in enumerate(places)]
-    weights = [
-        [
-            comb(n, i) / comb(n * d, k) * w
-            for k, w in enumerate(_product([forward] * i + [backward] * (n - i), symbolic))
-        ]
-        for i in range(n + 1)
-    ]
+    (found,) = _composition(n, d, points.shape[1]).call([casadi.SX(points) if symbolic else points, places])
+    return found if symbolic else np.array(found)
+
+
+@lru_cache(maxsize=64)
+def _composition(n: int, d: int, dof: int) -> Any:
+    """Control points of a path ``(n + 1, dof)`` and of a law ``(d + 1,)`` to those of their composition."""
+    points, law = casadi.SX.sym("p", n + 1, dof), casadi.SX.sym("s", d + 1)
+    forward = [comb(d, i) * s for i, s in enumerate(casadi.vertsplit(law))]
+    backward = [comb(d, i) * (1.0 - s) for i, s in enumerate(casadi.vertsplit(law))]
+    powers: list[tuple[list[Any], list[Any]]] = [([casadi.SX(1.0)], [casadi.SX(1.0)])]
+    for _ in range(n):
+        powers.append((_convolve(powers[-1][0], forward), _convolve(powers[-1][1], backward)))
+    weights = [[comb(n, i) * w for w in _convolve(powers[i][0], powers[n - i][1])] for i in range(n + 1)]
     rows = []
     for k in range(n * d + 1):
-        # From the nearer end: the weights of the others vanish there without rounding.
-        end = 0 if 2 * k <= n * d else n
+        end = 0 if 2 * k <= n * d else n  # from the nearer end: the others' weights vanish there without rounding
         others = [i for i in range(n + 1) if i != end]
-        rows.append((end, [weights[i][k] for i in others], np.delete(points, end, axis=0) - points[end]))
-    if symbolic:
-        moved = (casadi.SX(points[end]).T + casadi.mtimes(casadi.horzcat(*w), casadi.SX(way)) for end, w, way in rows)
-        return casadi.vertcat(*moved)
-    return np.array([points[end] + np.array(w) @ way for end, w, way in rows])
-
-
-def _product(factors: list[list[Any]], symbolic: bool) -> list[Any]:
-    """Scaled control points of a product of polynomials."""
-    return reduce(_convolve if symbolic else _convolve_numbers, factors)
-
-
-def _convolve_numbers(a: list[Any], b: list[Any]) -> list[Any]:
-    product: Array = np.convolve(a, b)
-    return list(product)
+        own = casadi.horzcat(*(weights[i][k] for i in others)) / comb(n * d, k)
+        rows.append(
+            points[end, :] + casadi.mtimes(own, casadi.vertcat(*(points[i, :] - points[end, :] for i in others)))
+        )
+    return casadi.Function("composition", [points, law], [casadi.vertcat(*rows)])
 
 
 def _convolve(a: list[Any], b: list[Any]) -> list[Any]:
+    """Scaled control points of the product of two polynomials of given ones."""
     return [
         sum((a[i] * b[k - i] for i in range(max(0, k - len(b) + 1), min(k, len(a) - 1) + 1)), casadi.SX(0.0))
         for k in range(len(a) + len(b) - 1)

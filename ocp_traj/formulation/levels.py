@@ -64,7 +64,7 @@ def levels_of(
     @cache
     def curve(i: int) -> Parametrisation:
         made = parametrise(sizes[i])
-        return replace(made, hull_rows=HULL_ROWS) if i == 0 and len(sizes) > 1 else made
+        return replace(made, hull_rows=made.hull_rows or HULL_ROWS) if i == 0 and len(sizes) > 1 else made
 
     @cache
     def problem(i: int) -> Problem:
