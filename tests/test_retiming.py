@@ -9,8 +9,8 @@ from ocp_traj.curves.families import cubic_spline_free_ends, nonic
 from ocp_traj.errors import InputError
 from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.formulation.retiming import FORWARD, retiming
-from ocp_traj.formulation.time_law import nearest
 from ocp_traj.paths.joint_path import JointPath
+from ocp_traj.paths.path_arcs import nearest
 from ocp_traj.proof.audit import audit
 from ocp_traj.results.trajectory import trajectory_of
 from tests.quintics import PAYLOAD, wander

@@ -65,7 +65,7 @@ def _parametrisation(law: TimeLaw) -> Parametrisation:
     def duration(x: Any) -> Any:
         return casadi.sum1(x[:count]) if isinstance(x, casadi.SX | casadi.MX) else float(x[:count].sum())
 
-    starts = tuple((leg.start, 0.0) for leg in law.legs)
+    starts = tuple((leg.start, 0.0) for leg in law.cut.legs)
     return Parametrisation(
         variables=law.variables,
         curve=law.curve,
@@ -73,7 +73,7 @@ def _parametrisation(law: TimeLaw) -> Parametrisation:
         variables_of=law.variables_of,
         dilate=law.dilate,
         knots=(*starts, (-1, 1.0)),
-        legs=law.legs,
+        legs=law.cut.legs,
         continuity=min(law.rows - 1, law.path.continuity),
         hull_rows=(1, 2, 3, 4),
         scales_in_time=False,
@@ -84,16 +84,17 @@ def _parametrisation(law: TimeLaw) -> Parametrisation:
 
 
 def forward(law: TimeLaw) -> PathConstraint:
-    """The limit that the motion does not run back along its path, but for ``BACK``: so it is on the path at all times.
+    """The limit that the motion does not run back along its path, but for ``BACK``.
 
-    On each segment it is on the velocity along a direction in which the path itself goes on there.
+    A law that ran back could leave its segment, and the motion its path. On each segment the limit is on the velocity
+    along a direction in which the path itself goes on all over it, so that it has the sign of s'.
     """
 
     def speed(state: State) -> Any:
         return casadi.dot(state.v, state.c)
 
     low, high = np.array([-BACK]), np.array([np.inf])
-    return PathConstraint(FORWARD, speed, low, high, ("-/s",), ("speed",), constants=law.directions)
+    return PathConstraint(FORWARD, speed, low, high, ("-/s",), ("speed",), constants=law.cut.directions)
 
 
 def _check_smooth(path: JointPath, highest: int) -> None:

@@ -17,17 +17,16 @@ from ocp_traj.arrays import Array, Index
 from ocp_traj.curves.bernstein import PiecewiseBezier, basis, subdivision_matrix
 from ocp_traj.curves.composition import compose
 from ocp_traj.curves.families import hermite
-from ocp_traj.errors import InputError, ProblemDefinitionError
+from ocp_traj.errors import ProblemDefinitionError
+from ocp_traj.formulation.first_law import first_law
 from ocp_traj.formulation.problem import Variable
 from ocp_traj.paths.joint_path import JointPath
+from ocp_traj.paths.path_arcs import PathArcs, nearest
 from ocp_traj.robot.joint_limits import JointLimits
 
 SHORTEST, LONGEST = 1e-3, 1e2  # bounds of durations, of the guessed ones: our choice, far from any optimum met
-SHARE = 0.6  # of the largest acceleration that the guess uses: our choice
 SLOWER = (1.0, 1.3)  # random starts are so many times slower than the guess: our choice
 NAMES = ("s", "s'", "s''", "s'''")
-MOST_CUTS = 6  # times that a piece of the path is halved so that it turns by less than a right angle
-SAMPLES = np.linspace(0.0, 1.0, 5)  # of a piece, for the guess
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,50 +48,14 @@ class TimeLaw:
     rest: int
 
     @cached_property
-    def _cuts(self) -> tuple[list[tuple[int, float, float]], Array, tuple[range, ...]]:
-        """Of each segment: that of the path and its part of it; a direction along it ``(K, n)``; segments of each leg.
-
-        The path goes on along the direction, all over the segment.
-        """
-        arcs: list[tuple[int, float, float]] = []
-        ways, legs = [], []
-        for leg in range(self.path.curve.segments):
-            first, todo = len(arcs), [(0.0, 1.0)]
-            while todo:
-                a, b = todo.pop()
-                points = self.path.curve.restrict(leg, a, b)
-                way = points[-1] - points[0]
-                steps = np.diff(points, axis=0) @ way
-                if (steps < -1e-9 * np.abs(steps).max()).any() or not way.any():
-                    if b - a < 0.6**MOST_CUTS:
-                        raise InputError(
-                            f"the path turns back between its points {leg + 1} and {leg + 2}, which its geometry alone "
-                            "does not time; make a point of the turn, and two paths"
-                        )
-                    todo += [((a + b) / 2.0, b), (a, (a + b) / 2.0)]
-                    continue
-                at = np.linspace(a, b, self.pieces + 1)
-                arcs += [(leg, float(at[i]), float(at[i + 1])) for i in range(self.pieces)]
-                ways += [way / np.linalg.norm(way)] * self.pieces
-            legs.append(range(first, len(arcs)))
-        return arcs, np.array(ways), tuple(legs)
+    def cut(self) -> PathArcs:
+        """The path, cut at the knots."""
+        return PathArcs.of(self.path, self.pieces)
 
     @property
-    def legs(self) -> tuple[range, ...]:
-        """Segments from each point of the path to the next."""
-        return self._cuts[2]
-
-    @property
-    def directions(self) -> Array:
-        """Along which the path goes on all over each segment: unit vectors ``(K, n)``."""
-        return self._cuts[1]
-
-    @cached_property
     def arcs(self) -> PiecewiseBezier:
         """The path of each segment, its ``durations`` the steps of s."""
-        curve, (cuts, _, _) = self.path.curve, self._cuts
-        steps = [curve.durations[leg] * (b - a) for leg, a, b in cuts]
-        return PiecewiseBezier(np.array(steps), tuple(curve.restrict(leg, a, b) for leg, a, b in cuts))
+        return self.cut.curve
 
     @cached_property
     def count(self) -> int:
@@ -123,40 +86,9 @@ class TimeLaw:
 
     @cached_property
     def guessed(self) -> tuple[Array, Array]:
-        """Durations ``(K,)`` [s], and s' at knots ``(K + 1,)``, of a law with some share of what limits allow.
-
-        Speeds are within what velocity, curvature and its change allow; from knot to knot they change no faster than
-        accelerations allow, and, from rest, jerks.
-        """
-        step, n = self.arcs.durations, self.path.curve.dof
-        slopes = [
-            np.array([np.abs(self.arcs.at(k, SAMPLES, order)).max(axis=0) for k in range(self.count)])
-            for order in range(1, 4)
-        ]
-        reach = []
-        for order in range(1, 4):
-            pair = self.limits.bounds(order)
-            reach.append(np.full(n, np.inf) if pair is None else np.minimum(-pair[0], pair[1]))
-        with np.errstate(divide="ignore"):
-            caps = [
-                (SHARE * bound / slope).min(axis=1) ** (1 / m)
-                for m, (bound, slope) in enumerate(zip(reach, slopes, strict=True), 1)
-            ]
-            along = (SHARE * reach[1] / slopes[0]).min(axis=1)
-            jerks = (reach[2] / slopes[0]).min(axis=1)
-        cap = np.min(caps, axis=0)
-        usual = self.path.curve.durations.sum()  # one unit of s a second where nothing is limited
-        cap = np.where(np.isfinite(cap), cap, usual / self.path.curve.segments)
-        # A jerk j takes a piece of length h from rest to a speed of (9 j h^2 / 2)^(1/3).
-        along = np.minimum(np.where(np.isfinite(along), along, cap**2 / step), (jerks**2 * step) ** (1 / 3))
-        square = np.concatenate([cap[:1], np.minimum(cap[1:], cap[:-1]), cap[-1:]]) ** 2
-        square[[0, -1]] *= self.places[[0, -1], 0] >= 0
-        for k in range(self.count):
-            square[k + 1] = min(square[k + 1], square[k] + 2.0 * along[k] * step[k])
-        for k in reversed(range(self.count)):
-            square[k] = min(square[k], square[k + 1] + 2.0 * along[k] * step[k])
-        speed = np.sqrt(square)
-        return 2.0 * step / (speed[1:] + speed[:-1]), speed
+        """Durations ``(K,)`` [s], and s' at knots ``(K + 1,)``, of a law near the limits."""
+        moving = self.places[[0, -1], 0] >= 0
+        return first_law(self.arcs, self.limits, (bool(moving[0]), bool(moving[1])))
 
     @cached_property
     def unit(self) -> float:
@@ -228,8 +160,8 @@ class TimeLaw:
         weights = basis(degree, inner)
         laws = []
         for k in range(self.count):
-            places = nearest(self.arcs, k, curve.at(k, inner))
-            laws.append(np.concatenate([[0.0], np.linalg.solve(weights[:, 1:-1], places - weights[:, -1]), [1.0]]))
+            reached = nearest(self.arcs, k, curve.at(k, inner))
+            laws.append(np.concatenate([[0.0], np.linalg.solve(weights[:, 1:-1], reached - weights[:, -1]), [1.0]]))
         return self.packed(np.asarray(curve.durations, dtype=float), laws)
 
     def dilate(self, x: Array, factor: float) -> Array:
@@ -245,7 +177,7 @@ class TimeLaw:
         durations, laws = coarser.laws(np.asarray(x, dtype=float))
         times, found = [], []
         for duration, law in zip(durations, laws, strict=True):
-            cuts = np.array([0.0, *(reached(law, i / parts) for i in range(1, parts)), 1.0])
+            cuts = np.array([0.0, *(instant(law, i / parts) for i in range(1, parts)), 1.0])
             for i in range(parts):
                 own = subdivision_matrix(len(law) - 1, cuts[i], cuts[i + 1]) @ law * parts - i
                 times.append(duration * (cuts[i + 1] - cuts[i]))
@@ -265,22 +197,7 @@ class TimeLaw:
         return np.clip(self.dilate(x, float(rng.uniform(*SLOWER))), lower, upper)
 
 
-def nearest(arcs: PiecewiseBezier, segment: int, points: Array) -> Array:
-    """Where on a segment of a path it is nearest to points ``(N, dof)``: ``(N,)``, from 0 to 1."""
-    grid = np.linspace(0.0, 1.0, 101)
-    distance = ((arcs.at(segment, grid)[None] - points[:, None]) ** 2).sum(axis=2)
-    found = grid[np.argmin(distance, axis=1)]
-    step = arcs.durations[segment]
-    for _ in range(8):  # of Newton's method, from within half a percent
-        away = arcs.at(segment, found) - points
-        first, second = (arcs.at(segment, found, order) * step**order for order in (1, 2))
-        bend = (first**2).sum(axis=1) + (away * second).sum(axis=1)
-        move = (away * first).sum(axis=1) / np.where(bend > 0.0, bend, np.inf)
-        found = np.asarray(np.clip(found - move, 0.0, 1.0))
-    return np.asarray(found)
-
-
-def reached(law: Array, place: float) -> float:
+def instant(law: Array, place: float) -> float:
     """When a law ``(d + 1,)`` from 0 to 1, that never runs back, reaches a place, by bisection."""
     low, high = 0.0, 1.0
     for _ in range(60):
