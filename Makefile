@@ -16,7 +16,7 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow kill fuzz interrupts bench-speed bench-ruckig bench-toppra bench-vias coverage lint clean
+.PHONY: help front test test-slow kill fuzz interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-vias coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
@@ -27,6 +27,7 @@ help:
 	@echo "make coverage   all tests, with their coverage"
 	@echo "make interrupts Ctrl-C at MOMENTS (20) random moments of every method; takes hours"
 	@echo "make bench-speed times beside those of an earlier commit: benchmarks/RESULTS.md; half an hour, on a quiet machine"
+	@echo "make bench-arms a random move of every arm of example-robot-data, solved and proved, or why not; some 10 s"
 	@echo "make bench-ruckig random moves of a UR5 beside Ruckig's optimum: durations, proofs, seconds; minutes"
 	@echo "make bench-toppra random paths of a UR5 beside TOPP-RA: durations, proofs, excess, seconds; ten minutes"
 	@echo "make bench-vias what 10, 100 and 1000 via points cost; minutes"
@@ -59,6 +60,9 @@ interrupts: $(VENV)/.installed-dev
 # What is measured of the earlier commit, and its environment, stay in BASELINE.
 bench-speed: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.speed --baseline $(BASELINE) --repeat $(REPEAT) $(OPTIONS)
+
+bench-arms: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.arms
 
 bench-ruckig: $(VENV)/.installed-dev
 	$(INSTALL) --editable ".[bench]"

@@ -135,7 +135,7 @@ def _solve(
             interrupted = f"{interrupted or 'after ' + ', '.join(solved)}, before {', '.join(left)}"
         return replace(
             best_of(list(solved.values())), alternatives=solved, optima=tuple(optima), seconds=seconds,
-            interrupted=interrupted, starts=started,
+            interrupted=interrupted, starts=started, given_up=sum(s.given_up for s in solved.values()),
         )  # fmt: skip
     conflicts = fixed_conflicts(problem)
     if conflicts:

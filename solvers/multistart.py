@@ -31,7 +31,10 @@ ONE_POINT = 1e-6  # of the variables' size: our choice, far above the solver's t
 class Multistart:
     """Runs ``solver`` from ``starts`` random points; start i depends on the seed and i alone, and like points are one.
 
-    Where the problem has a ``warm_start_objective``, a point is first moved to an optimum of that.
+    Where the problem has a ``warm_start_objective``, a point is first moved to an optimum of that. ``solve`` gives a
+    start up whose first NLP, which has only some of the limits, already ends worse than the best that is proved: limits
+    at more instants only raise that optimum. A solver that would leave it for a better one is not waited for;
+    ``all_optima`` and ``solve_all`` follow every start to its end.
 
     Attributes:
         solver: of one start.
@@ -57,17 +60,19 @@ class Multistart:
 
     def solve_all(self, problem: Problem, scalarisation: Scalarisation) -> list[Solution]:
         """One solution a start, or two with ``all_optima``; Ctrl-C ends it early with those it has, if any."""
-        return self._solved(problem, scalarisation, [])[0]
+        return self._solved(problem, scalarisation, [], gives_up=False)[0]
 
-    def _solved(self, problem: Problem, scalarisation: Scalarisation, pairs: list[_Pair]) -> tuple[list[Solution], str]:
-        """The solutions, and after how many starts Ctrl-C came, if it did."""
+    def _solved(
+        self, problem: Problem, scalarisation: Scalarisation, pairs: list[_Pair], gives_up: bool
+    ) -> tuple[list[Solution], int, str]:
+        """The solutions, of how many starts, and after how many of them Ctrl-C came, if it did."""
         solutions: list[Solution] = []
         points = self.points(problem)
         done = 0
         with stopping() as stop:
             try:
                 warm = problem.tuning.warm_start_objective not in ("", *scalarisation.names) and not self.all_optima
-                one_start = self._warm if warm else self._shared(problem, scalarisation, pairs)
+                one_start = self._warm if warm else self._shared(problem, scalarisation, pairs, gives_up)
                 for x0 in points:
                     solutions += one_start(problem, scalarisation, x0)
                     done += 1
@@ -77,7 +82,7 @@ class Multistart:
                 if not solutions:
                     raise
                 stop.take(reason)
-            return solutions, f"after {done} of {len(points)} starts" if stop.tell() else ""
+            return solutions, done, f"after {done} of {len(points)} starts" if stop.tell() else ""
 
     @one_blas_thread
     def solve(self, problem: Problem, scalarisation: Scalarisation) -> Solution:
@@ -88,12 +93,12 @@ class Multistart:
         """
         begun = time.perf_counter()
         pairs: list[_Pair] = []
-        solutions, interrupted = self._solved(problem, scalarisation, pairs)
+        solutions, done, interrupted = self._solved(problem, scalarisation, pairs, gives_up=not self.all_optima)
         optima = with_sampled(problem, distinct(problem, solutions, SOLVES), pairs) if self.all_optima else ()
         each = SOLVES if self.all_optima else 1
         return replace(
-            best_of(solutions), seconds=time.perf_counter() - begun, optima=optima, starts=len(solutions) // each,
-            interrupted=interrupted,
+            best_of(solutions), seconds=time.perf_counter() - begun, optima=optima, starts=done,
+            given_up=done - len(solutions) // each, interrupted=interrupted,
         )  # fmt: skip
 
     def _warm(self, problem: Problem, scalarisation: Scalarisation, x0: Array) -> list[Solution]:
@@ -108,11 +113,11 @@ class Multistart:
         return [replace(solution, iterations=first.iterations + solution.iterations)]
 
     def _shared(
-        self, problem: Problem, scalarisation: Scalarisation, pairs: list[_Pair]
+        self, problem: Problem, scalarisation: Scalarisation, pairs: list[_Pair], gives_up: bool
     ) -> Callable[..., list[Solution]]:
         """One solution a start, ``SOLVES`` with ``all_optima``; first NLPs that lead to one point share the rest.
 
-        ``pairs`` collects what each first NLP has led to.
+        ``pairs`` collects what each first NLP has led to; one that is given up leads to nothing.
         """
         solvers = [self.solver]
         if self.all_optima:
@@ -122,18 +127,21 @@ class Multistart:
             (solver, solver.opening(problem, scalarisation), []) for solver in solvers
         ]
 
-        def one(solver: Exchange, nlp: NLP, known: list[_Pair], x0: Array) -> Solution:
+        def one(solver: Exchange, nlp: NLP, known: list[_Pair], x0: Array) -> list[Solution]:
             opened = solver.solver.solve(nlp, nlp.start(x0))
             for other, solution in known:
                 if opened.ok and np.abs(opened.x - other.x).max() <= ONE_POINT * (1.0 + np.abs(other.x).max()):
-                    return no_worse_than(problem, scalarisation, solution, x0) if solution.ok else solution
+                    return [no_worse_than(problem, scalarisation, solution, x0) if solution.ok else solution]
+            proved = [solution.f for _, solution in known if solution.audit is not None and solution.audit.proved]
+            if gives_up and opened.status is Status.SOLVED and opened.f > min(proved, default=np.inf):
+                return []
             solution = solver.solve(problem, scalarisation, x0, opened=(nlp, opened))
             if opened.ok:
                 known.append((opened, solution))
                 pairs.append((opened, solution))
-            return solution
+            return [solution]
 
-        return lambda problem, scalarisation, x0: [one(*entry, x0) for entry in nlps]
+        return lambda problem, scalarisation, x0: [solution for entry in nlps for solution in one(*entry, x0)]
 
 
 def best_of(solutions: Sequence[Solution]) -> Solution:

@@ -11,8 +11,7 @@ from pytest import approx
 from ocp_traj import problems
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.errors import FileFormatError, InputError
-from ocp_traj.io import export as export_module
-from ocp_traj.io.export import export
+from ocp_traj.io.export import export, tables
 from ocp_traj.io.run_reader import load_run
 from ocp_traj.io.store import Run, request, save_run
 from ocp_traj.results.front import Front
@@ -65,7 +64,7 @@ def test_a_front_in_parquet_is_its_table(front: Front, run: Path, tmp_path: Path
 def test_a_front_in_json_has_a_record_a_point_and_what_made_it(
     front: Front, run: Path, tmp_path: Path, source: str
 ) -> None:
-    data = json.loads(export(run / source, "json", tmp_path / "out.json").read_text())
+    data = json.loads(export(run / source, "json", tmp_path / "out.json").path.read_text())
     assert (data["format"], data["kind"]) == ("ocp-traj/table/1", "front")
     assert data["metadata"]["case"] == {"payload": 8.0} and data["metadata"]["method"] == "dilated"
     assert [row["energy [N2 m2/s]"] for row in data["rows"]] == front.table["energy [N2 m2/s]"].tolist()
@@ -75,7 +74,7 @@ def test_a_front_in_json_has_a_record_a_point_and_what_made_it(
 
 def test_a_table_without_a_run_has_no_metadata(run: Path, tmp_path: Path) -> None:
     (tmp_path / "front.csv").write_bytes((run / "front.csv").read_bytes())
-    data = json.loads(export(tmp_path / "front.csv", "json", tmp_path / "out.json").read_text())
+    data = json.loads(export(tmp_path / "front.csv", "json", tmp_path / "out.json").path.read_text())
     assert data["metadata"] == {} and len(data["rows"]) == 3
 
 
@@ -95,7 +94,7 @@ def test_a_run_of_no_known_problem_is_exported_as_its_table_says(tmp_path: Path)
     run = save_run(
         Front.of(quintic, ["time", "effort"], [[2.5], [3.0]], method="", seed=0, seconds=1.0), tmp_path / "run"
     )
-    data = json.loads(export(run / "front.csv", "json", tmp_path / "out.json").read_text())
+    data = json.loads(export(run / "front.csv", "json", tmp_path / "out.json").path.read_text())
     assert data["metadata"]["problem"] == "quintic" and [row["T [s]"] for row in data["rows"]] == [2.5, 3.0]
     with pytest.raises(FileFormatError, match="there is no problem 'quintic'"):
         export(run, "json", tmp_path / "again.json")
@@ -126,7 +125,9 @@ def test_a_trajectory_in_parquet_equals_the_csv(run: Path, tmp_path: Path) -> No
 
 
 def test_a_trajectory_in_json_has_a_record_a_time_and_where_it_is_from(run: Path, tmp_path: Path) -> None:
-    data = json.loads(export(run / "trajectories" / "000.json", "json", tmp_path / "o.json", samples=3).read_text())
+    data = json.loads(
+        export(run / "trajectories" / "000.json", "json", tmp_path / "o.json", samples=3).path.read_text()
+    )
     assert (data["format"], data["kind"]) == ("ocp-traj/table/1", "trajectory")
     assert data["metadata"] == {"problem": "hybrid-spline", "case": {"payload": 8.0}, "parameters": {"payload": 8.0}}
     assert [row["time [s]"] for row in data["rows"]] == approx([0.0, 3.095, 6.19])
@@ -140,80 +141,59 @@ def test_a_trajectory_of_no_known_problem_has_no_units(homeless: Path, tmp_path:
     assert table["a: b v"].tolist() == approx([4e-6, 4e-6])
 
 
-# --- ROS ---
-
-
-def test_a_ros_message_has_the_fields_of_joint_trajectory(front: Front, run: Path, tmp_path: Path) -> None:
-    data = json.loads(export(run / "trajectories" / "000.json", "ros", tmp_path / "t.json", samples=12).read_text())
-    curve = front.trajectory(0).curve
-    assert set(data) == {"joint_names", "points"}
-    assert data["joint_names"] == ["X_S1", "X_S2", "X_S3", "phi_4", "phi_5"]
-    assert len(data["points"]) == 12
-    previous = -1
-    for point in data["points"]:
-        assert set(point) == {"positions", "velocities", "accelerations", "time_from_start"}
-        stamp = point["time_from_start"]
-        assert isinstance(stamp["sec"], int) and 0 <= stamp["nanosec"] < 10**9
-        total = stamp["sec"] * 10**9 + stamp["nanosec"]
-        assert total > previous
-        previous = total
-        time = min(total * 1e-9, curve.duration)
-        for order, name in enumerate(("positions", "velocities", "accelerations")):
-            # Times are rounded to 0.5 ns, during which q, v, a change by at most that times v, a, jerk, all below 10.
-            assert point[name] == approx(curve(time, order)[0].tolist(), abs=5e-9)
-    assert data["points"][0]["time_from_start"] == {"sec": 0, "nanosec": 0}
-    assert data["points"][-1]["time_from_start"] == {"sec": 6, "nanosec": 190_000_000}
-    assert data["points"][-1]["velocities"] == approx([0.0] * 5, abs=1e-9)
-
-
-def test_ros_yaml_is_written_so_that_yaml_1_1_reads_numbers(homeless: Path, tmp_path: Path) -> None:
-    # YAML 1.1 takes 1e-05 for a text, and yes for true.
-    text = export(homeless, "ros", tmp_path / "t.yaml", samples=2).read_text()
-    assert text.splitlines() == [
-        'joint_names: ["a: b", "yes"]',
-        "points:",
-        "- positions: [0.0, 1.0]",
-        "  velocities: [4.000000000000001e-06, 0.0]",
-        "  accelerations: [0.0, 0.0]",
-        "  time_from_start: {sec: 0, nanosec: 0}",
-        "- positions: [1.0e-05, 1.0]",
-        "  velocities: [4.000000000000001e-06, 0.0]",
-        "  accelerations: [0.0, 0.0]",
-        "  time_from_start: {sec: 2, nanosec: 500000000}",
-    ]
-
-
-def test_ros_times_are_rounded_and_carry_into_the_seconds(tmp_path: Path) -> None:
-    curve = PiecewiseBezier(np.array([3.0 - 1e-10]), (np.array([[0.0], [1.0]]),))
-    source = Trajectory(curve, ("a",)).save(tmp_path / "source.json")
-    data = json.loads(export(source, "ros", tmp_path / "t.json", samples=3).read_text())
-    stamps = [point["time_from_start"] for point in data["points"]]
-    assert stamps[1:] == [{"sec": 1, "nanosec": 500_000_000}, {"sec": 3, "nanosec": 0}]
-
-
-def test_ros_is_for_one_trajectory(run: Path, tmp_path: Path) -> None:
-    for source in (run, run / "front.csv"):
-        with pytest.raises(InputError, match="is a front; ros is for one trajectory"):
-            export(source, "ros", tmp_path / "t.yaml")
-    with pytest.raises(InputError, match=r"written as .yaml, .yml, .json; 't.txt' ends otherwise"):
-        export(run / "trajectories" / "000.json", "ros", tmp_path / "t.txt")
-    assert list(tmp_path.iterdir()) == []
-
-
 # --- what goes wrong ---
 
 
-def test_unknown_formats_and_too_few_samples_are_refused(homeless: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no export format 'xlsx'; formats are csv, parquet, json, ros"):
-        export(homeless, "xlsx", tmp_path / "out.xlsx")
-    with pytest.raises(InputError, match="sampled at 1 times; give 2 to 1000000"):
-        export(homeless, "csv", tmp_path / "out.csv", samples=1)
+def test_ros_and_the_programs_are_for_one_trajectory(run: Path, tmp_path: Path) -> None:
+    for source in (run, run / "front.csv"):
+        with pytest.raises(InputError, match="is a front; ros is for one trajectory"):
+            export(source, "ros", tmp_path / "t.yaml")
+    with pytest.raises(InputError, match="is a front, which has no options: rate"):
+        export(run, "csv", tmp_path / "t.csv", rate=10.0)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("format", "name", "options", "message"),
+    [
+        ("xlsx", "o.xlsx", {}, "no export format 'xlsx'; formats are csv, parquet, json, ros, urscript"),
+        ("csv", "o.csv", {"samples": 1}, "samples is 1; give a whole number from 2 to 1e"),
+        ("csv", "o.csv", {"samples": 9, "rate": 10.0}, "samples, or points at knots or at a rate"),
+        ("csv", "o.csv", {"joints": {"yes": "no"}}, "renamed in tables at knots or at a rate"),
+        ("ros", "o.txt", {}, r"written as .yaml, .yml, .json; 'o.txt' ends otherwise"),
+        ("ros", "o.yaml", {"rate": -1.0}, "rate is -1.0 Hz; give a finite number above 0"),
+        ("ros", "o.yaml", {"rate": 1e9}, "1e[+]09 Hz over 2.5 s are more than 1000000 points"),
+        ("ros", "o.yaml", {"at": "vias"}, "points are at 'vias'; give knots, or a rate"),
+        ("ros", "o.yaml", {"at": "knots", "rate": 2.0}, "at knots or at a rate; give one"),
+        ("ros", "o.yaml", {"tolerance": 0.0}, "tolerance is 0.0 rad or m; give a finite number above zero"),
+        ("ros", "o.yaml", {"interpolation": "spline"}, "interpolation is 'spline'; allowed are linear, cubic, quintic"),
+        ("ros", "o.yaml", {"joints": {"yess": "no"}}, r"no joint 'yess' to rename \(nearest is 'yes'\)"),
+        ("ros", "o.yaml", {"joints": {"yes": "a: b"}}, "two joints would have one name"),
+        ("ros", "o.yaml", {"efort": True}, r"ros has no option 'efort' \(nearest is 'effort'\); options are at, rate"),
+        ("ros", "o.yaml", {"effort": True}, "has no effort limit, one a joint, to take efforts from"),
+        ("bpoly", "o.txt", {}, "a bpoly is written as .json"),
+        ("urscript", "o.script", {}, "URScript moves 6 revolute joints; the trajectory has 2: a: b rad, yes rad"),
+        ("urscript", "o.script", {"gain": 1.0}, "gain is 1.0; give a finite number from 100 to 2000"),
+        ("krl", "o.src", {}, "speeds in per cent need the joints' units and velocity limits"),
+        ("krl", "1.src", {}, "a program is called by its file's name, '1'"),
+        ("krl", "o.txt", {}, "written as .src"),
+        ("fanuc", "o.ls", {}, "joint 3 as shown needs the robot's axes; give the coupling"),
+        ("fanuc", "o.ls", {"coupling": 2}, "coupling is 2; give -1, 0 or 1: from -1 to 1"),
+    ],
+)
+def test_what_a_format_cannot_do_is_said_in_a_line(
+    homeless: Path, tmp_path: Path, format: str, name: str, options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InputError, match=message) as error:
+        export(homeless, format, tmp_path / name, **options)
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / name).exists()
 
 
 def test_parquet_without_pyarrow_names_the_extra(
     homeless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(export_module, "find_spec", lambda name: None)
+    monkeypatch.setattr(tables, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"pip install 'ocp-traj\[parquet\]'"):
         export(homeless, "parquet", tmp_path / "out.parquet")
     assert not (tmp_path / "out.parquet").exists()

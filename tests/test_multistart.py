@@ -1,6 +1,7 @@
 """Many starts: each depends on the seed and its own number alone, and the best proved one wins."""
 
 from dataclasses import replace
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,9 @@ from ocp_traj.progress import Progress
 from ocp_traj.proof.verdicts import PROVED, UNDECIDED, Audit, AuditRow
 from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.multistart import Multistart, best_of
-from ocp_traj.transcription.nlp import Status
+from ocp_traj.transcription.nlp import NLP, NLPResult, Status
 from tests.closed_form import Quintic, quintic_problem
 
 TIME = WeightedSum({"time": 1.0})
@@ -110,6 +112,25 @@ def test_the_best_of_all_starts_is_returned_with_the_time_of_all() -> None:
     assert best.audit is not None and best.audit.proved
     assert best.x[0] == pytest.approx(Quintic().least_time, rel=1e-8)
     assert best.seconds > max(s.seconds for s in every) / 2
+
+
+def test_a_start_that_begins_worse_than_the_best_ends_is_given_up_and_counted() -> None:
+    worse = count()
+
+    class Worse(Ipopt):
+        """Cold solves end in ever worse points."""
+
+        def solve(self, nlp: NLP, x0: Array, warm: NLPResult | None = None) -> NLPResult:
+            result = super().solve(nlp, x0, warm)
+            more = next(worse) if warm is None else 0
+            return replace(result, f=result.f + more, x=result.x + more)
+
+    start = Multistart(Exchange(Worse()), starts=4, seed=0)
+    found = start.solve(quintic_problem(), TIME)
+    assert (found.starts, found.given_up) == (4, 3)
+    assert found.x[0] == pytest.approx(Quintic().least_time, rel=1e-8)
+    assert "4 starts (3 given up)" in repr(found)
+    assert len(start.solve_all(quintic_problem(), TIME)) == 4
 
 
 def test_progress_is_told_after_every_start() -> None:

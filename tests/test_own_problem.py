@@ -145,9 +145,9 @@ def test_an_own_robot_in_35_lines_does_all_that_a_papers_does(tmp_path: Path) ->
     for again in (ot.load_run(run_folder), ot.load_run(run_folder, problem=problem)):
         assert np.array_equal(again.values, front.values) and again.audit(0).proved
     assert ot.plot_front(again, tmp_path / "front.png").stat().st_size
-    table = ot.export(run_folder, "csv", tmp_path / "front.csv").read_text()
+    table = ot.export(run_folder, "csv", tmp_path / "front.csv").path.read_text()
     assert table.startswith("point,time [s],effort [s],h1 [s]")
-    samples = ot.export(run_folder / "trajectories" / "000.json", "csv", tmp_path / "t.csv").read_text()
+    samples = ot.export(run_folder / "trajectories" / "000.json", "csv", tmp_path / "t.csv").path.read_text()
     assert "shoulder_pan_joint jerk [rad/s3]" in samples
 
 

@@ -17,6 +17,7 @@ from ocp_traj.robot.joint_limits import QUANTITIES, JointLimits
 from ocp_traj.robot.numbers import from_numbers, to_numbers
 from ocp_traj.robot.payload import ToolPayload
 from ocp_traj.robot.robot import ActuatorMap, Robot
+from tests.mutations import structure
 from tests.random_robots import random_model, random_robot
 
 
@@ -139,3 +140,18 @@ def test_numbers_that_are_no_robot_are_named(change: Callable[[Any], None], mess
     with pytest.raises(RobotDefinitionError, match=message) as caught:
         from_numbers(numbers)
     assert "\n" not in str(caught.value)
+
+
+def test_changed_numbers_are_a_robot_or_refused_in_one_line() -> None:
+    rng = np.random.default_rng(12)
+    whole = to_numbers(replace(random_robot(rng, 3), friction=Friction(1.0, 0.5, 0.02)))
+    refused = 0
+    for _ in range(500):
+        numbers = deepcopy(whole)
+        structure(rng, numbers)
+        try:
+            motion(from_numbers(numbers))
+        except RobotDefinitionError as error:
+            refused += 1
+            assert "\n" not in str(error)
+    assert refused > 250

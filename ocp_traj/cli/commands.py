@@ -34,6 +34,7 @@ from ocp_traj.version import __version__
 
 if TYPE_CHECKING:
     from ocp_traj.formulation.problem import Problem
+    from ocp_traj.formulation.task import Task
     from ocp_traj.proof.verdicts import Audit
     from ocp_traj.results.solution import Solution
 
@@ -60,7 +61,9 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-ProblemName = Annotated[str, typer.Argument(metavar="PROBLEM", help="Id of a problem; see `ocp-traj problems`.")]
+ProblemName = Annotated[
+    str, typer.Argument(metavar="PROBLEM", help="Id of a problem, see `ocp-traj problems`, or a task file (TOML).")
+]
 Fields = Annotated[
     list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="Change a field of the case; may be repeated.")
 ]
@@ -169,12 +172,17 @@ def solve(
     for path in targets:
         check_writable(path)
     options = methods.options_from_text(methods.SOLVE, method, _pairs(option, "--option"))
+    if objective is None and not weights and (task := _task(chosen)) is not None:
+        wanted = task.objective.minimise
+        weights = {wanted: 1.0} if isinstance(wanted, str) else dict(wanted)
     with stopping() as stop:
         with console.progress("solving") as progress:
             solution = api.solve(
                 chosen, objective=objective, weights=weights, method=method, starts=starts, seed=seed,
                 all_optima=all_optima, certify=certify, progress=progress, **options,
             )  # fmt: skip
+        if chosen.levels is not None and solution.trajectory is not None:
+            chosen = solution.trajectory.origin or chosen  # of the level that was reached
         try:  # what was found is shown whatever becomes of the files, and written whatever becomes of stdout
             _write(solution, chosen, output, plot, history)
         finally:
@@ -187,8 +195,10 @@ def solve(
 @one_blas_thread
 def pareto(
     problem: ProblemName,
-    objectives: Annotated[str, typer.Option(metavar="A,B[,..]", help="Objectives to trade.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN", help="Folder to write the run to.")],
+    objectives: Annotated[
+        str | None, typer.Option(metavar="A,B[,..]", help="Objectives to trade; those of a task's front if not given.")
+    ] = None,
     method: Annotated[str, typer.Option(help=f"One of: {', '.join(methods.FRONT)}.")] = "trace",
     option: Options = None,
     points: Annotated[
@@ -222,6 +232,14 @@ def pareto(
     from ocp_traj.results.pareto_set import ENDED_AFTER
 
     chosen = _load(problem, set_)
+    task = _task(chosen)
+    front_table = None if task is None else task.objective.front
+    if objectives is None:
+        if front_table is None:
+            more = ", or write front = { objectives = [..] } under [objective]" if task is not None else ""
+            raise InputError(f"there are no objectives to trade; give --objectives A,B{more}")
+        objectives = ",".join(front_table.objectives)
+        points = points or front_table.points
     names = tuple(name.strip() for name in objectives.split(",") if name.strip())
     corners = [_point(text, names, what) for text, what in ((reference, "--reference"), (ideal, "--ideal"))]
     unbounded = [name for name in names if name not in chosen.reference_point]
@@ -384,28 +402,57 @@ def reproduce(
 @app.command()
 @one_blas_thread
 def export(
-    source: Annotated[Path, typer.Argument(metavar="FILE", help="A run folder, a front.csv or a trajectory (JSON).")],
-    format: Annotated[str, typer.Option(help="csv, parquet, json; ros for a trajectory.")],
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="A run folder, a front.csv, or a trajectory.")],
+    format: Annotated[
+        str, typer.Option(help="csv, parquet, json; of a trajectory ros, urscript, krl, fanuc, bpoly too.")
+    ],
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="File to write; beside FILE if not given.")
     ] = None,
-    samples: Annotated[int, typer.Option(help="Instants of a sampled trajectory.", min=2)] = 200,
+    samples: Annotated[int | None, typer.Option(help="Even instants of a table; 200 if not given.")] = None,
+    at: Annotated[str | None, typer.Option(metavar="knots", help="Of a table: points at the curve's knots.")] = None,
+    rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Points at a rate; at the curve's knots if not given.")
+    ] = None,
+    interpolation: Annotated[
+        str | None, typer.Option(help="Of ros, what the controller is told: quintic, cubic or linear.")
+    ] = None,
+    tolerance: Annotated[
+        float | None, typer.Option(metavar="RAD", help="By which quintics may leave a curve of higher degree.")
+    ] = None,
+    joints: Annotated[str | None, typer.Option(metavar="A=B[,..]", help="Other names for joints.")] = None,
+    limits: Annotated[
+        Path | None, typer.Option(help="Limits to prove (TOML); those of the trajectory's problem if not given.")
+    ] = None,
+    option: Annotated[
+        list[str] | None, typer.Option("--option", metavar="NAME=VALUE", help="Another option of the format.")
+    ] = None,
     json: AsJson = False,
-) -> None:
-    """Exports a front or a trajectory.
+) -> int:
+    """Exports a front or a trajectory, and proves what a controller will make of it, where that is known.
 
     Example: ocp-traj export fast.json --format ros
     """
-    from ocp_traj.io.export import export as run_export
+    from ocp_traj.cli import sheets
+    from ocp_traj.io import export as exports
+    from ocp_traj.io.requirements_file import read_requirements
 
-    suffix = {"ros": ".ros.yaml"}.get(format, f".export.{format}")
+    options = exports.options_from_text(format, _pairs(option, "--option"))
+    renamed = None if joints is None else _pairs([part for part in joints.split(",") if part.strip()], "--joints")
+    flags = (samples, at, rate, interpolation, tolerance, renamed)
+    options |= {name: value for name, value in zip(exports.FLAGS, flags, strict=True) if value is not None}
     place = source if source.name else Path(os.path.realpath(source))  # `.` has no name of its own, and `/` has none
     if output is None and not place.name:
         raise InputError(f"{source} has no name to call a file by; give one with -o")
-    target = output or place.with_name(place.stem + suffix)
-    written = run_export(source, format, target, samples=samples)
-    console.show(console.Sheet({"written": str(written), "format": format}, []), json)
-    console.say(f"written: {written}")
+    target = output or place.with_name(place.stem + exports.SUFFIXES.get(format, f".export.{format}"))
+    wanted = None if limits is None else read_requirements(limits)
+    found = exports.export(source, format, target, limits=wanted, **options)
+    console.show(sheets.export_sheet(found), json)
+    for path in found.paths:
+        console.say(f"written: {path}")
+    if "verdict" in found.about:
+        console.say(found.about["verdict"])
+    return DONE if found.proved else NOT_PROVED
 
 
 def _write(solution: Solution, problem: Problem, output: Path | None, plot: Path | None, history: Path | None) -> None:
@@ -449,7 +496,19 @@ def _interrupted(words: str) -> int:
 def _load(name: str, assignments: Sequence[str] | None) -> Problem:
     from ocp_traj import problems
 
-    return problems.load(name, **_pairs(assignments, "--set"))
+    changes = _pairs(assignments, "--set")
+    if name.lower().endswith(".toml"):
+        if "file" in changes:
+            raise InputError("--set file is no place in a task; give one such as robot.payload.mass")
+        return problems.load("task", file=name, **changes)
+    return problems.load(name, **changes)
+
+
+def _task(problem: Problem) -> Task | None:
+    """The task a problem is made from, if it is."""
+    from ocp_traj.formulation.task import Task
+
+    return problem.case if isinstance(problem.case, Task) else None
 
 
 def _pairs(assignments: Sequence[str] | None, option: str) -> dict[str, str]:

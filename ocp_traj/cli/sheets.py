@@ -13,6 +13,7 @@ from ocp_traj.display import count
 if TYPE_CHECKING:  # a list of problems needs none of them
     from ocp_traj.formulation.problem import Problem
     from ocp_traj.formulation.summary import Summary
+    from ocp_traj.io.export.exported import Exported
     from ocp_traj.proof.verdicts import Audit, AuditRow
     from ocp_traj.reproductions.reproduce import Reproduction
     from ocp_traj.results.front import Front, Hypervolume
@@ -35,9 +36,21 @@ def _notes(problem: Problem) -> list[Rows]:
     return [("Not in the paper", ["this case has"], notes)] if notes else []
 
 
+def _case(problem: Problem) -> dict[str, Any]:
+    """The fields of a problem's case."""
+    from ocp_traj.formulation.task import Task
+
+    if isinstance(problem.case, Task):
+        robot = problem.case.robot.numbers or {}
+        return problem.case.fields() | {
+            "robot": {"numbers": f"{robot.get('name')}, {len(robot.get('joints', ()))} joints"}
+        }
+    return {f.name: getattr(problem.case, f.name) for f in fields(problem.case)} if is_dataclass(problem.case) else {}
+
+
 def problem_sheet(problem: Problem) -> Sheet:
     """A problem's case, variables, objectives and limits."""
-    case = {f.name: getattr(problem.case, f.name) for f in fields(problem.case)} if is_dataclass(problem.case) else {}
+    case = _case(problem)
     parts = problem.summary()
     data = {
         "problem": problem.id,
@@ -136,6 +149,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         "rounds": solution.rounds,
         "rows": solution.row_count,
         "starts": solution.starts,
+        "given_up": solution.given_up,
         "moved": solution.moved,
         "conflicts": [
             {
@@ -286,6 +300,20 @@ def payload_sheet(found: LargestPayload) -> Sheet:
     names = ["payload [kg]", "binding limit", "instant [s]", "holds for", "because"]
     row = [f"{found.payload:.6f}", found.binding, found.instant, found.kind, found.argument]
     return Sheet(data, [("Largest payload", names, [row])])
+
+
+def export_sheet(found: Exported) -> Sheet:
+    """What was exported, and what is proved of it."""
+    data = {
+        "written": str(found.path),
+        "format": found.format,
+        "files": [str(path) for path in found.paths],
+        "verdict": found.verdict,
+        "about": dict(found.about),
+    }
+    rows = [[name, f"{value:.9g}" if isinstance(value, float) else value] for name, value in found.about.items()]
+    title = f"{found.format}: {found.verdict} as it will be played"
+    return Sheet(data, [(title, ["of the motion", "value"], rows)] if rows else [])
 
 
 def reproduction_sheet(found: Reproduction) -> Sheet:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.display import Shown, count
-from ocp_traj.errors import ProblemDefinitionError, UnknownName, quoted
+from ocp_traj.errors import ProblemDefinitionError, UnknownName, cut, quoted
 from ocp_traj.formulation.about import About
 from ocp_traj.formulation.objective import Objective, rule_name
 from ocp_traj.formulation.requirements import PathConstraint, Requirements, state_function
@@ -303,7 +303,7 @@ class Problem(Shown):
             "curve": ", ".join(filter(None, (count(self.requirements.dof, "joint"), self.about.curve_kind))),
             "objectives": ", ".join(f"{o.id} [{o.unit}]" for o in self.objectives),
             "limits": ", ".join(self.requirements.ids),
-            "case": "" if self.case is None else repr(self.case),
+            "case": "" if self.case is None else cut(repr(self.case), 300),
             "source": self.about.reference,
         }
 

@@ -35,11 +35,16 @@ class Entry:
         build: case -> problem.
         case: the frozen dataclass of its numbers.
         module: in which it is written, or none.
+        make: (id, changes) -> case, where that is more than its fields changed.
     """
 
     build: Callable[[Any], Problem]
     case: type[Any]
     module: Any = None
+    make: Callable[[str, dict[str, Any]], Any] | None = None
+
+
+TASK = "task"  # id of the problem of a task file, which no list has: without its file it is nothing
 
 
 _registered: dict[str, Entry] = {}
@@ -81,10 +86,10 @@ def entry(id: str) -> Entry:
     """A registered problem, or one that an importable ``module:function`` makes; else raises ``UnknownName``."""
     if id in _registered:
         return _registered[id]
-    found = _of_other_packages() | MODULES
+    found = _of_other_packages() | MODULES | {TASK: "ocp_traj.problems.task"}
     if id in found:
         module = import_module(found[id])
-        return Entry(module.build, module.Case, module)
+        return Entry(module.build, module.Case, module, getattr(module, "make", None))
     name, _, function = id.partition(":")
     if all(part.isidentifier() for part in (*name.split("."), function)):
         return _importable(name, function)
@@ -129,10 +134,13 @@ def load(id: str, **changes: Any) -> Problem:
     """Builds a problem, with fields of its case changed.
 
     Args:
-        id: of the problem.
+        id: of the problem; ``task`` is that of a task file, ``load("task", file="arm.toml")``, whose further changes
+            are values by dotted place, such as ``{"robot.payload.mass": 2.0}``.
         changes: case fields; lists become tuples, whole numbers floats where the default is one.
     """
     found = entry(id)
+    if found.make is not None:
+        return found.build(found.make(id, changes))
     return found.build(found.case(**convert(id, found.case, changes)))
 
 

@@ -27,8 +27,7 @@ from ocp_traj.formulation.requirements import (
     State,
 )
 from ocp_traj.robot.descriptions import description_urdf
-from ocp_traj.robot.dynamics import ROUND_OFF
-from ocp_traj.robot.inertias import missing_inertias
+from ocp_traj.robot.inertias import effort_rounding, missing_inertias
 from ocp_traj.robot.joint_limits import QUANTITIES, UNLIMITED, JointLimits
 from ocp_traj.robot.robot import EFFORT_UNITS, Robot
 
@@ -151,17 +150,11 @@ def read_requirements(path: str | Path) -> Requirements:
 
 
 def _require_exact(file: _Table, robot: Robot, payload: float, efforts: tuple[Array, Array]) -> None:
-    """Refuses masses for which rounding of the dynamics' constants is more than ``ROUNDED`` of the least effort.
-
-    ``ocp_traj.robot.dynamics`` drops what is below ``ROUND_OFF`` of a link's largest moment of mass.
-    """
-    model = robot.model
-    mass = payload + sum(inertia.mass for inertia in model.inertias)
-    lengths = [*(place.translation for place in model.jointPlacements), robot.tool.translation]
-    reach = 1.0 + float(np.linalg.norm(lengths, axis=1).sum())
-    rounding = ROUND_OFF * mass * (1.0 + float(np.linalg.norm(model.gravity.linear))) * reach
+    """Refuses masses for which rounding of the dynamics' constants is more than ``ROUNDED`` of the least effort."""
+    rounding = effort_rounding(robot.model, robot.tool.translation, payload)
     least = float(np.abs(efforts)[np.isfinite(efforts) & (np.array(efforts) != 0.0)].min(initial=np.inf))
     if not rounding <= ROUNDED * least:
+        mass = payload + sum(inertia.mass for inertia in robot.model.inertias)
         raise file.error(
             "[effort]",
             f"cannot be proved for masses of {mass:.6g} kg in all: rounding of the dynamics, {rounding:.3g}, is more "

@@ -64,6 +64,7 @@ class Solution(Shown, NLPResult):
         optima: the distinct local optima, best first, where they were asked for.
         instead_of: what the solver ended with, where this is an earlier point that is proved and better.
         moved: of a population, whether it found anything better than its first generation.
+        given_up: of the starts, those whose first NLP already ended worse than the best that was proved by then.
         interrupted: what Ctrl-C left undone, such as "after 3 of 40 starts"; empty where nothing was.
         certificate: of global optimality, where one was asked for.
         history: of a population, a row a generation.
@@ -78,6 +79,7 @@ class Solution(Shown, NLPResult):
     optima: tuple[Optimum, ...] = ()
     instead_of: Solution | None = None
     moved: bool = True
+    given_up: int = 0
     interrupted: str = ""
     certificate: Certificate | None = None
     history: pd.DataFrame | None = None
@@ -108,7 +110,7 @@ class Solution(Shown, NLPResult):
             "optimality": self.certificate.explain() if self.certificate is not None else "",
             "effort": ", ".join(
                 (
-                    count(self.starts, "start"),
+                    count(self.starts, "start") + (f" ({self.given_up} given up)" if self.given_up else ""),
                     count(self.rounds, "round"),
                     count(self.iterations, "iteration"),
                     f"{self.seconds:.2f} s",

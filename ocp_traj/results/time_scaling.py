@@ -16,6 +16,7 @@ from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import difference_matrix, turning_values
 from ocp_traj.errors import InputError
 from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.requirements import Requirements
 from ocp_traj.interval.tape import Tape
 from ocp_traj.proof.verdicts import Audit
 from ocp_traj.results.trajectory import audit_points
@@ -62,9 +63,14 @@ def slow_down(
 
 def largest_excess(problem: Problem, checked: Audit) -> float:
     """Largest relative amount by which a path limit is broken, at the instants the audit found."""
+    return excess_over(problem.requirements, checked)
+
+
+def excess_over(requirements: Requirements, checked: Audit) -> float:
+    """``largest_excess``, of limits that no problem stands for."""
     scale = {
         (limit.id, label): float(size)
-        for limit in problem.requirements.path_constraints
+        for limit in requirements.path_constraints
         for label, size in zip(limit.labels, limit.scale, strict=True)
     }
     rows = [row for row in checked.failures if (row.limit, row.label) in scale]

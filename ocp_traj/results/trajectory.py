@@ -5,34 +5,28 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
-from math import comb
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from ocp_traj.arrays import Array
-from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.motion import COLUMNS, Motion
 from ocp_traj.display import Shown, count
 from ocp_traj.errors import FileFormatError, InputError, cut, quoted
-from ocp_traj.files import read_json, write_text
+from ocp_traj.files import write_text
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.registry import load
+from ocp_traj.formulation.task import Task
 from ocp_traj.proof.audit import audit_all
 from ocp_traj.proof.verdicts import Audit
 from ocp_traj.results.provenance import audit_motions, bound_rows
+from ocp_traj.results.trajectory_file import FORMAT, READERS, finite, joints_of, kind_of, read_values
 from ocp_traj.transcription.symbolic import motion_of
 
 REMEMBERED = 256  # audits a problem keeps: our choice, more than the points of a front
-
-FORMAT = "ocp-traj/trajectory/1"
-SAMPLES_FORMAT = "ocp-traj/samples/1"
-SPLINE_FORMAT = "ocp-traj/spline/1"
-HIGHEST_DEGREE = 60  # of a file's segments: our choice; of higher ones rounding leaves nothing
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -107,31 +101,33 @@ class Trajectory(Shown, Motion):
 
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:
-        """Reads a trajectory of this package, or one from elsewhere: samples or spline coefficients (see docs)."""
-        return cls.from_dict(read_json(path, "trajectory"), str(path))
+        """Reads a trajectory of this package, or one from elsewhere, as JSON, YAML (ROS) or CSV (a table); see docs."""
+        return cls.from_dict(read_values(path), str(path))
 
     @classmethod
     def from_dict(cls, data: Any, source: str = "trajectory") -> Trajectory:
-        """From plain JSON values, in one of three formats.
+        """From plain JSON values, in one of these formats.
 
         ``ocp-traj/trajectory/1``: ``joints``, ``durations [s] (K,)``, ``control_points`` per segment ``(n + 1, dof)``.
         ``ocp-traj/samples/1``: ``joints``, ``times [s] (N,)`` increasing, ``positions (N, dof)``: a C2 cubic spline is
         put through the points, at rest at both ends if ``"rest": true``, else not-a-knot; the audit is of that spline.
+        With ``velocities`` there are cubics between the points, with ``accelerations`` too quintics.
         ``ocp-traj/spline/1``: ``joints``, ``knots [s] (K + 1,)``, ``coefficients`` per segment ``(n + 1, dof)``,
         of ascending powers of the time since the segment's start.
+        ``ocp-traj/bpoly/1``: ``joints``, ``x [s] (K + 1,)``, ``c (n + 1, K, dof)`` as scipy's ``BPoly`` has them.
+        ``JointTrajectory`` of ROS 2, known by ``joint_names`` and ``points``: as samples.
         """
-        kind = data.get("format") if isinstance(data, dict) else None
-        readers = {FORMAT: _read_control_points, SAMPLES_FORMAT: _read_samples, SPLINE_FORMAT: _read_spline}
-        if not isinstance(kind, str) or kind not in readers:
+        kind = kind_of(data)
+        if not isinstance(kind, str) or kind not in READERS:
             raise FileFormatError(
-                f"{source} is not a trajectory: its format is {quoted(kind)}; allowed {', '.join(readers)}"
+                f"{source} is not a trajectory: its format is {quoted(kind)}; allowed {', '.join(READERS)}"
             )
         try:
-            curve = readers[kind](data)
+            curve = READERS[kind](data)
             return cls(
                 curve,
-                _names(data["joints"]),
-                {k: float(_finite(v, f"the parameter {cut(k)}", 0)) for k, v in data.get("parameters", {}).items()},
+                joints_of(data),
+                {k: float(finite(v, f"the parameter {cut(k)}", 0)) for k, v in data.get("parameters", {}).items()},
                 str(data.get("problem", "")),
                 dict(data.get("case", {})),
                 {k: np.atleast_1d(np.asarray(v, dtype=float)) for k, v in data.get("variables", {}).items()},
@@ -182,6 +178,8 @@ def case_fields(problem: Problem) -> dict[str, Any]:
 
     A case that is no dataclass, or none at all, has no fields.
     """
+    if isinstance(problem.case, Task):
+        return problem.case.fields()
     if not is_dataclass(problem.case):
         return {}
     given = {f.name: (_plain(getattr(problem.case, f.name)), _plain(_default(f))) for f in fields(problem.case)}
@@ -197,57 +195,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return [_plain(item) for item in value] if isinstance(value, tuple | list) else value
-
-
-def _names(joints: Any) -> tuple[str, ...]:
-    if not isinstance(joints, list | tuple) or len({str(name) for name in joints}) < len(joints):
-        raise ValueError(f"joints are {quoted(joints)}; give a list of different names")
-    return tuple(str(name) for name in joints)
-
-
-def _finite(values: Any, what: str, rank: int) -> Array:
-    numbers = np.asarray(values, dtype=float)
-    if numbers.ndim != rank:  # one of another shape would be broadcast into a curve nobody meant
-        raise ValueError(f"{what} must be nested {rank} deep, not {numbers.ndim}")
-    if not np.isfinite(numbers).all():
-        raise ValueError(f"{what} must be finite numbers")
-    return numbers
-
-
-def _read_control_points(data: dict[str, Any]) -> PiecewiseBezier:
-    durations = _finite(data["durations"], "durations", 1)
-    segments = tuple(_finite(points, "control points", 2) for points in data["control_points"])
-    for points in segments:
-        _check_degree(len(points) - 1)
-    return PiecewiseBezier(durations, segments)
-
-
-def _check_degree(degree: int) -> None:
-    if degree > HIGHEST_DEGREE:
-        raise ValueError(f"a segment is of degree {degree}; allowed are degrees up to {HIGHEST_DEGREE}")
-
-
-def _read_samples(data: dict[str, Any]) -> PiecewiseBezier:
-    times, positions = _finite(data["times"], "times", 1), _finite(data["positions"], "positions", 2)
-    rest = data.get("rest", False)
-    if not isinstance(rest, bool):
-        raise ValueError(f"rest is {quoted(rest)}; give true or false")
-    return PiecewiseBezier.from_ppoly(CubicSpline(times, positions, bc_type="clamped" if rest else "not-a-knot"))
-
-
-def _read_spline(data: dict[str, Any]) -> PiecewiseBezier:
-    durations = np.diff(_finite(data["knots"], "knots", 1))
-    segments = []
-    for duration, powers in zip(durations, data["coefficients"], strict=True):
-        coefficients = _finite(powers, "coefficients", 2)
-        degree = len(coefficients) - 1
-        _check_degree(degree)
-        # B_i = sum_j C(i, j) / C(n, j) c_j T^j; Farin (2002), sect. 5.8.
-        scaled = coefficients * (duration ** np.arange(degree + 1))[:, None]
-        change = np.array([[_ratio(i, j, degree) for j in range(degree + 1)] for i in range(degree + 1)])
-        segments.append(change @ scaled)
-    return PiecewiseBezier(durations, tuple(segments))
-
-
-def _ratio(i: int, j: int, degree: int) -> float:
-    return comb(i, j) / comb(degree, j)

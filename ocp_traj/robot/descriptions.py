@@ -1,6 +1,8 @@
 """Robots by name: the URDFs of the package ``example-robot-data`` (extra ``robots``), and where ROS packages lie."""
 
 import re
+import sys
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -9,7 +11,7 @@ from ocp_traj.files import LONGEST_PATH
 from ocp_traj.robot.urdf import urdf_root, urdf_text
 
 PACKAGE = "example-robot-data"
-FOLDER = "cmeel.prefix/share/example-robot-data/robots"
+SHARE = "share/example-robot-data/robots"
 # Names of the package's loaders that are neither a file's nor, for a folder with one file, a folder's.
 LOADERS = {
     "anymal": "anymal_b_simple_description/robots/anymal.urdf",
@@ -34,13 +36,15 @@ def descriptions() -> dict[str, Path]:
 
     Raises ``RobotDefinitionError`` where the package is not installed.
     """
-    try:
-        folder = Path(str(distribution(PACKAGE).locate_file(FOLDER)))
-    except PackageNotFoundError as error:
+    places = [Path(sys.prefix) / SHARE]  # where Conda and Debian have it
+    with suppress(PackageNotFoundError):
+        places.insert(0, Path(str(distribution(PACKAGE).locate_file(f"cmeel.prefix/{SHARE}"))))
+    folder = next((place for place in places if place.is_dir()), None)
+    if folder is None:
         raise RobotDefinitionError(
             f"robots by name come from the package {PACKAGE}, which is not installed; "
             "pip install 'ocp-traj[robots]', or give a URDF"
-        ) from error
+        )
     files = sorted(folder.glob("*/*/*.urdf"))
     folders = [file.parent.parent for file in files]
     alone = {place.name.removesuffix("_description"): file for place, file in zip(folders, files, strict=True)

@@ -1,4 +1,4 @@
-"""Moments of inertia as plain numbers, and the joints of a robot that move nothing with inertia."""
+"""Moments of inertia as plain numbers, joints that move nothing with inertia, and what rounding of masses does."""
 
 from typing import Any
 
@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from ocp_traj.arrays import Array
 from ocp_traj.errors import RobotDefinitionError, quoted
+from ocp_traj.robot.dynamics import ROUND_OFF
 
 NEGLIGIBLE = 1e-14  # of the largest inertia felt at a joint: rounding of what is zero, our choice
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")  # a URDF's order
@@ -60,3 +61,19 @@ def require_inertias(model: pin.Model, wanted: str) -> None:
             f"{wanted} needs inertias, and nothing with inertia moves with {', '.join(map(repr, missing))}: "
             "give the links beyond a mass, com and inertia, or lock the joint"
         )
+
+
+def effort_rounding(model: pin.Model, held_at: Array, mass: float) -> float:
+    """What rounding of the dynamics' constants may change an effort by [N or N m], for motions of some m/s^2.
+
+    `ocp_traj.robot.dynamics` drops what is below ``ROUND_OFF`` of a link's largest moment of mass.
+
+    Args:
+        model: with its gravity.
+        held_at: ``(3,)``, the payload's place in the last joint's frame [m].
+        mass: of the payload [kg].
+    """
+    total = mass + sum(body.mass for body in model.inertias)
+    lengths = [*(place.translation for place in model.jointPlacements), held_at]
+    reach = 1.0 + float(np.linalg.norm(lengths, axis=1).sum())
+    return float(ROUND_OFF * total * (1.0 + np.linalg.norm(model.gravity.linear)) * reach)

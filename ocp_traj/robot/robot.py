@@ -185,6 +185,8 @@ class Robot:
     ) -> Self:
         """Robot of a URDF: its joints, inertias and limits (position, velocity, effort); friction is left out.
 
+        A continuous joint is a revolute one without limits on its position; a mimic joint has to be locked.
+
         Args:
             source: path of a file, or the XML itself (it begins with "<").
             limits: override the file's, field by field; needed where it says nothing (0, or between 0 and 0).
@@ -200,7 +202,9 @@ class Robot:
         _set_gravity(model, gravity)
         tool, tool_joint = pin.SE3.Identity(), None
         if tool_frame is not None:
-            frames = {frame.name: frame for frame in model.frames if frame.parentJoint > 0}
+            moving = (frame for frame in model.frames if frame.parentJoint > 0)
+            # A link and a joint may have one name: the link's comes last, and counts.
+            frames = {frame.name: frame for frame in sorted(moving, key=lambda f: f.type == pin.FrameType.BODY)}
             if tool_frame not in frames:
                 like = nearest(tool_frame, frames)
                 raise RobotDefinitionError(

@@ -15,6 +15,7 @@ from ocp_traj.robot.dynamics import joint_index, joint_is_revolute
 from ocp_traj.robot.inertias import MOMENTS
 from ocp_traj.robot.joint_limits import JointLimits
 
+LINK = "\n(link)"  # no name in a file ends so
 LIMITED = ("revolute", "prismatic", "continuous")
 
 
@@ -48,7 +49,12 @@ def urdf_model(text: str, origin: str, locked: Mapping[str, float]) -> pin.Model
         if not math.isfinite(value):
             raise RobotDefinitionError(f"joint {name!r} is locked at {value}; give a finite coordinate [m or rad]")
         coordinates[model.joints[index].idx_q] = value
-    return pin.buildReducedModel(model, indices, coordinates)
+    for frame in model.frames:  # pinocchio asks for frames by name, and links may have names of joints
+        frame.name += LINK if frame.type == pin.FrameType.BODY else ""
+    reduced = pin.buildReducedModel(model, indices, coordinates)
+    for frame in reduced.frames:
+        frame.name = frame.name.removesuffix(LINK)
+    return reduced
 
 
 def _complete_limit(joint: ElementTree.Element) -> None:
