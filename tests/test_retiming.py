@@ -183,6 +183,12 @@ def test_paths_that_cannot_be_timed_are_refused(points: object, limits: dict, mo
         retiming(made(points, robot.joints), robot.limits, **{"pieces": 2, **more})
 
 
+def test_a_limit_that_is_infinite_is_none() -> None:
+    path = JointPath.through(wander(6), arm().joints)
+    free, given = (retiming(path, arm(**more).limits) for more in ({}, {"snap": np.inf}))
+    assert [v.id for v in free.variables] == [v.id for v in given.variables] == ["T", "s'"]
+
+
 def test_a_corner_needs_a_stop() -> None:
     corner = PiecewiseBezier([1.0, 1.0], (wander(3)[:2], wander(3)[1:]))
     with pytest.raises(InputError, match="acceleration is limited"):

@@ -26,9 +26,9 @@ FORWARD = "forward"  # id of the limit that keeps it from doing so
 def retiming(path: JointPath, limits: JointLimits, *, pieces: int = 8, rest: int = 1) -> Parametrisation:
     """A motion along a path; durations and derivatives of the time law at knots are variables.
 
-    Knots cut each piece of the path into equal steps of its parameter. The law is of C1 cubics where velocity and
-    acceleration are limited, of C2 quintics where jerk is or where the joints begin and end without acceleration, of C3
-    septics where snap is.
+    Knots cut each piece of the path into equal steps of its parameter, shorter towards an end at rest. The law is of C1
+    cubics where velocity and acceleration are limited, of C2 quintics where jerk is or where the joints begin and end
+    without acceleration, of C3 septics where snap is.
 
     Args:
         path: its geometry is kept.
@@ -45,7 +45,7 @@ def retiming(path: JointPath, limits: JointLimits, *, pieces: int = 8, rest: int
         raise ProblemDefinitionError(f"pieces: {pieces}; give 1 or more")
     if limits.size not in (None, len(path.joints)):
         raise ProblemDefinitionError(f"limits of {limits.size} joints; the path has {len(path.joints)}")
-    highest = max((order for order in range(5) if limits.bounds(order) is not None), default=0)
+    highest = max((m for m in range(5) if np.isfinite(np.array(limits.bounds(m) or np.inf)).any()), default=0)
     _check_smooth(path, highest)
     _check_positions(path, limits)
     law = TimeLaw(path, limits, max(2, highest, rest + 1), pieces, rest)

@@ -37,7 +37,7 @@ class TimeLaw:
         path: the path; its parameter is s.
         limits: of the joints.
         rows: s and its derivatives at a knot, 2 to 4: C1 cubics, C2 quintics or C3 septics.
-        pieces: segments from one point of the path to the next, of equal steps of s; more where it turns sharply.
+        pieces: segments from one point of the path to the next; see ``PathArcs.of``.
         rest: derivatives of the joints that vanish at both ends.
     """
 
