@@ -23,7 +23,7 @@ help:
 	@echo "make test       install with the test tools, run the default tests"
 	@echo "make test-slow  the slow tests"
 	@echo "make kill       a front killed at 20 random moments: nothing finished is lost"
-	@echo "make fuzz       2000 mutated files: what is proved of them holds, none ends in a traceback"
+	@echo "make fuzz       2000 mutated files, and 2000 tasks: what is proved of them holds, none ends in a traceback"
 	@echo "make coverage   all tests, with their coverage"
 	@echo "make interrupts Ctrl-C at MOMENTS (20) random moments of every method; takes hours"
 	@echo "make bench-speed times beside those of an earlier commit: benchmarks/RESULTS.md; half an hour, on a quiet machine"
@@ -50,6 +50,7 @@ kill: $(VENV)/.installed-dev
 
 fuzz: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.fuzz
+	$(BIN)/python -m tests.task_mutations
 
 coverage: $(VENV)/.installed-dev
 	$(PYTEST) -m "" --cov

@@ -12,6 +12,7 @@ from ocp_traj.errors import InputError
 from ocp_traj.formulation.task import Task
 from ocp_traj.formulation.task_file import read_task
 from ocp_traj.robot.robot import Robot
+from tests.task_mutations import outcome
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "tasks"
 VIA = (EXAMPLES / "ur5-via.toml").read_text()
@@ -32,7 +33,7 @@ BROKEN = [
     ("jerk = 60.0", "jerk = [1.0, 2.0]", r"\[limits\] jerk has 2 numbers; the robot has 6 joints"),
     ("jerk = 60.0", "jerk = 60.0\ntool_speed = 0.2", r"tool_speed is not built in this version; leave it out"),
     ("[[move]]", "[move]", r"\[move\] is .* give one or more tables"),
-    ('minimise = "time"', 'minimise = "tiem"', r"no objective 'tiem'; give of time"),
+    ('minimise = "time"', 'minimise = "tiem"', r"no objective 'tiem' \(nearest is 'time'\)"),
     ('"ur5"\ntool', '"ur55"\ntool', r"'ur55' is no robot of example-robot-data \(nearest is 'ur5'\)"),
     ("ocp-traj/task/1", "ocp-traj/task/2", r"its format is 'ocp-traj/task/2'; write format"),
     ("via = [", "vai = [", r"\[\[move\]\] 1: vai is not allowed \(nearest is 'via'\)"),
@@ -130,3 +131,41 @@ def test_finer_curves_are_faster_and_proved(tmp_path: Path) -> None:
     solution = ot.solve(_load(tmp_path, VIA.replace('"cubic"', '"auto"')))
     assert solution.audit is not None and solution.audit.proved and solution.f <= 2.40  # [s]
     assert solution.trajectory is not None and solution.trajectory.case["curve"]["pieces"] > 1
+
+
+def test_mutated_tasks_are_understood_or_refused_in_one_line() -> None:
+    found = [outcome(seed) for seed in range(60)]
+    assert "understood" in found and not any("\n" in words for words in found)
+
+
+def test_moves_of_different_tolerance_are_refused_and_a_tolerance_is_kept(tmp_path: Path) -> None:
+    text = VIA.replace('"cubic"', '"quintic"').replace("[[move]]\n", "[[move]]\ntolerance = 0.02\n")
+    solution = ot.solve(_load(tmp_path, text))
+    assert solution.audit is not None and solution.audit.proved
+    assert solution.f < ot.solve(_load(tmp_path, VIA.replace('"cubic"', '"quintic"'))).f - 1e-3
+    with pytest.raises(InputError, match="moves have different tolerances"):
+        _load(tmp_path, text + "\n[[move]]\ngoal = [0.0, -1.3, 1.4, -1.6, -1.5, 0.0]\n")
+
+
+def test_a_weighted_sum_is_what_is_minimised_by_default(tmp_path: Path) -> None:
+    problem = _load(tmp_path, VIA.replace('minimise = "time"', "minimise = { time = 0.5, effort = 0.25 }"))
+    found = ot.solve(problem)
+    assert problem.default_objective == "cost"
+    expected = 0.5 * found.objectives["time"] + 0.25 * found.objectives["effort"]
+    assert found.f == pytest.approx(expected, rel=1e-12)
+
+
+def test_masses_too_large_to_prove_efforts_of_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"\[limits\] effort cannot be proved for masses of"):
+        _load(tmp_path, VIA.replace("mass = 3.0", "mass = 1e9"))
+
+
+def test_locked_joints_have_the_tasks_units(tmp_path: Path) -> None:
+    text = VIA.replace('"ur5"\n', '"ur5"\nlocked = { wrist_3_joint = 90.0 }\n', 1).replace(
+        "[robot]", 'units = { angle = "deg" }\n\n[robot]', 1
+    )
+    rows = text[: text.index("via = [")] + "via = [[0.0, -60.0, 60.0, 0.0, 0.0], [9.0, -60.0, 60.0, 0.0, 0.0]]\n"
+    problem = _load(tmp_path, rows.replace('"cubic"', '"quintic"'))
+    locked = Robot.from_description("ur5", locked={"wrist_3_joint": np.pi / 2}, tool_frame="tool0")
+    q = np.full((1, 5), 0.3)
+    np.testing.assert_allclose(problem.robot.poses(q)[0], locked.poses(q)[0], atol=1e-14)

@@ -172,9 +172,6 @@ def solve(
     for path in targets:
         check_writable(path)
     options = methods.options_from_text(methods.SOLVE, method, _pairs(option, "--option"))
-    if objective is None and not weights and (task := _task(chosen)) is not None:
-        wanted = task.objective.minimise
-        weights = {wanted: 1.0} if isinstance(wanted, str) else dict(wanted)
     with stopping() as stop:
         with console.progress("solving") as progress:
             solution = api.solve(

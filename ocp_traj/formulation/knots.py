@@ -224,7 +224,8 @@ class Knots:
             states[moves] = x[index[moves]] * each
             return hermite(list(states), self.durations(x))
         flat = casadi.SX(casadi.sparsify(casadi.DM(fixed.ravel())))
-        flat[np.flatnonzero(moves.ravel()).tolist()] = x[index[moves].tolist()] * casadi.DM(each)
+        if moves.any():
+            flat[np.flatnonzero(moves.ravel()).tolist()] = x[index[moves].tolist()] * casadi.DM(each)
         n = len(self.joints)
         table = casadi.reshape(flat, n, -1).T  # a row a knot and order
         return hermite([table[k * self.rows : (k + 1) * self.rows, :] for k in range(len(index))], self.durations(x))

@@ -17,6 +17,7 @@ from ocp_traj.errors import quoted
 
 FORMAT = "ocp-traj/task/1"
 LARGEST = 1e12  # of a number in a task: our choice, beyond any robot
+SMALLEST = 1e-9  # of a limit that is not zero: our choice, below any robot's
 MOST_POINTS = 100_000  # of a path: our choice
 KINDS = ("cubic", "quintic", "septic", "nonic", "auto", "retime")
 QUANTITIES = ("position", "velocity", "acceleration", "jerk", "snap", "effort")
@@ -99,14 +100,17 @@ def _bound(value: Any) -> Any:
         return [[_side(v) for v in side] for side in value]
     if isinstance(value, list):
         return [_side(v) for v in value]
-    return _positive(value)
+    return _side(_positive(value))
 
 
 def _side(value: Any) -> float | None:
     """One joint's bound; none where it is infinite, which JSON has no number for."""
     if value is None or (isinstance(value, float) and value in (np.inf, -np.inf)):
         return None
-    return _number(value)  # type: ignore[no-any-return]
+    number: float = _number(value)
+    if 0.0 < abs(number) < SMALLEST:
+        raise ValueError("too small")
+    return number
 
 
 def _whole(value: Any) -> Any:
@@ -297,7 +301,6 @@ class SolveTable(Table):
     """``[solve]``: how hard to look."""
 
     starts: Annotated[int, BeforeValidator(_whole)] = Field(1, ge=1, le=10_000, description="a whole number from 1 up")
-    seed: Annotated[int, BeforeValidator(_whole)] = Field(0, ge=0, description="a whole number from 0 up")
 
 
 class Units(Table):

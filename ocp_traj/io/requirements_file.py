@@ -27,7 +27,7 @@ from ocp_traj.formulation.requirements import (
     State,
 )
 from ocp_traj.robot.descriptions import description_urdf
-from ocp_traj.robot.inertias import effort_rounding, missing_inertias
+from ocp_traj.robot.inertias import missing_inertias, require_exact
 from ocp_traj.robot.joint_limits import QUANTITIES, UNLIMITED, JointLimits
 from ocp_traj.robot.robot import EFFORT_UNITS, Robot
 
@@ -37,7 +37,6 @@ FORMAT = "ocp-traj/limits/1"
 SI = "SI only, no degrees"
 UNITS = set(EFFORT_UNITS)
 GRAVITY = [0.0, 0.0, -9.81]  # [m/s^2], where the file gives none
-ROUNDED = 1e-9  # of the least effort: our choice, far below what masses are known to
 REST_TOLERANCE = 1e-9  # [of the derivative's unit], where the file gives none; rounding is about 1e-13
 
 
@@ -122,7 +121,10 @@ def read_requirements(path: str | Path) -> Requirements:
                 "[effort]",
                 f"means nothing for a robot without inertia beyond {', '.join(lacking)}; give it its inertias",
             )
-        _require_exact(file, robot, payload or 0.0, efforts)
+        try:
+            require_exact(robot.model, robot.tool.translation, payload or 0.0, efforts, f"{file.path}: [effort]")
+        except InputError as error:
+            raise FileFormatError(str(error)) from error
         labels = tuple(("tau_" if unit == "rad" else "F_") + joint for unit, joint in zip(units, joints, strict=True))
 
         def effort(s: State) -> Any:
@@ -147,19 +149,6 @@ def read_requirements(path: str | Path) -> Requirements:
         joints, units, tuple(constraints), points, tuple(bound.parameter for bound in brought), continuity,
         parameter_bounds=brought,
     )  # fmt: skip
-
-
-def _require_exact(file: _Table, robot: Robot, payload: float, efforts: tuple[Array, Array]) -> None:
-    """Refuses masses for which rounding of the dynamics' constants is more than ``ROUNDED`` of the least effort."""
-    rounding = effort_rounding(robot.model, robot.tool.translation, payload)
-    least = float(np.abs(efforts)[np.isfinite(efforts) & (np.array(efforts) != 0.0)].min(initial=np.inf))
-    if not rounding <= ROUNDED * least:
-        mass = payload + sum(inertia.mass for inertia in robot.model.inertias)
-        raise file.error(
-            "[effort]",
-            f"cannot be proved for masses of {mass:.6g} kg in all: rounding of the dynamics, {rounding:.3g}, is more "
-            f"than {ROUNDED:g} of the least effort, {least:.6g}; check the masses",
-        )
 
 
 def _bounds(table: _Table, labels: Names, what: str, optional: bool = False) -> tuple[Array, Array] | None:

@@ -3,12 +3,14 @@
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 
 from ocp_traj.arrays import Array
 from ocp_traj.errors import RobotDefinitionError, quoted
 from ocp_traj.robot.dynamics import ROUND_OFF
 
+ROUNDED = 1e-9  # of the least effort: our choice, far below what masses are known to
 NEGLIGIBLE = 1e-14  # of the largest inertia felt at a joint: rounding of what is zero, our choice
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")  # a URDF's order
 
@@ -60,6 +62,26 @@ def require_inertias(model: pin.Model, wanted: str) -> None:
         raise RobotDefinitionError(
             f"{wanted} needs inertias, and nothing with inertia moves with {', '.join(map(repr, missing))}: "
             "give the links beyond a mass, com and inertia, or lock the joint"
+        )
+
+
+def require_exact(model: pin.Model, held_at: Array, mass: float, efforts: npt.ArrayLike, wanted: str) -> None:
+    """Refuses masses for which rounding of the dynamics' constants is more than ``ROUNDED`` of the least effort.
+
+    Args:
+        model: of `effort_rounding`.
+        held_at: of `effort_rounding`.
+        mass: of `effort_rounding`.
+        efforts: bounds, of any shape [N or N m]; those that are zero or infinite do not count.
+        wanted: what is refused, for the message.
+    """
+    bounds, rounding = np.abs(np.asarray(efforts, dtype=float)), effort_rounding(model, held_at, mass)
+    least = float(bounds[np.isfinite(bounds) & (bounds != 0.0)].min(initial=np.inf))
+    if not rounding <= ROUNDED * least:
+        total = mass + sum(body.mass for body in model.inertias)
+        raise RobotDefinitionError(
+            f"{wanted} cannot be proved for masses of {total:.6g} kg in all: rounding of the dynamics, {rounding:.3g}, "
+            f"is more than {ROUNDED:g} of the least effort, {least:.6g}; check the masses"
         )
 
 
