@@ -401,8 +401,11 @@ def reproduce(
 def export(
     source: Annotated[Path, typer.Argument(metavar="FILE", help="A run folder, a front.csv, or a trajectory.")],
     format: Annotated[
-        str, typer.Option(help="csv, parquet, json; of a trajectory ros, urscript, krl, fanuc, bpoly too.")
-    ],
+        str | None,
+        typer.Option(
+            help="csv, parquet, json; of a trajectory ros, urscript, krl, fanuc, bpoly too. Its task's if not given."
+        ),
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="File to write; beside FILE if not given.")
     ] = None,
@@ -434,7 +437,11 @@ def export(
     from ocp_traj.io import export as exports
     from ocp_traj.io.requirements_file import read_requirements
 
-    options = exports.options_from_text(format, _pairs(option, "--option"))
+    asked = {} if format is not None else exports.asked_by_task(source)
+    if rate is not None or at is not None:  # in place of what the task has
+        asked = {name: value for name, value in asked.items() if name not in ("at", "rate")}
+    format = format or asked.pop("format")
+    options = asked | exports.options_from_text(format, _pairs(option, "--option"))
     renamed = None if joints is None else _pairs([part for part in joints.split(",") if part.strip()], "--joints")
     flags = (samples, at, rate, interpolation, tolerance, renamed)
     options |= {name: value for name, value in zip(exports.FLAGS, flags, strict=True) if value is not None}

@@ -66,6 +66,16 @@ def options_from_text(format: str, texts: Mapping[str, str]) -> dict[str, Any]:
     return convert(format, chosen, dict(texts), "option", known)
 
 
+def asked_by_task(source: str | Path) -> dict[str, Any]:
+    """``format`` and its options, as ``[export]`` of the task has them that a trajectory's file carries."""
+    origin = Path(source)
+    case = {} if origin.is_dir() or origin.suffix.lower() == ".csv" else Trajectory.load(origin).case
+    asked = case.get("export")
+    if not isinstance(asked, dict) or not isinstance(asked.get("format"), str):
+        raise InputError(f"{source} does not say what to export it to; give --format, one of {', '.join(FORMATS)}")
+    return dict(asked)
+
+
 def export(
     source: str | Path | Trajectory, format: str, destination: str | Path, *, limits: Requirements | None = None,
     **options: Any,
