@@ -100,6 +100,12 @@ def test_a_trajectorys_file_is_enough_to_prove_it_and_a_changed_one_is_seen(tmp_
     assert run(["solve", str(EXAMPLES / "ur5-via.toml"), "-o", str(file)]) == 0
     moved = ot.Trajectory.load(file)
     assert moved.audit().proved and moved.duration < 2.8685  # [s]
+    assert run(["export", str(file)]) == 2
+    asked = tmp_path / "asked.json"
+    with_export = json.loads(file.read_text())
+    with_export["case"]["export"] = {"format": "ros", "at": "knots"}
+    asked.write_text(json.dumps(with_export))
+    assert run(["export", str(asked)]) == 0 and ot.Trajectory.load(tmp_path / "asked.ros.yaml").duration > 2.8
     data = json.loads(file.read_text())
     data["case"]["robot"]["payload"]["mass"] = 9.0
     file.write_text(json.dumps(data))
