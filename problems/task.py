@@ -195,11 +195,13 @@ def _requirements(
     if route.tolerance.any() and (inner := exact[1:-1]):
         exact = [0, exact[-1]]
         low, high = (route.points[inner] + sign * route.tolerance for sign in (-1.0, 1.0))
-        at = tuple(made.knots[i] for i in inner)
-        points.append(PointConstraint("near", lambda s: s.q, at, low, high, robot.units, robot.joints, structural=True))
+        places = tuple(made.knots[i] for i in inner)
+        points.append(
+            PointConstraint("near", lambda s: s.q, places, low, high, robot.units, robot.joints, structural=True)
+        )
     points.append(standard.via_points(route.points[exact], tuple(made.knots[i] for i in exact), *axes))
     waits = tuple(
-        DurationConstraint(f"dwell at point {i + 1}", (made.legs[i].start - 1,), seconds, seconds)
+        DurationConstraint(f"dwell at point {i + 1}", (made.legs[i].start - 1,), *np.full((2, 1), seconds))
         for i, seconds in route.dwells.items()
     )
     return Requirements(
