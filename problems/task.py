@@ -35,7 +35,7 @@ from ocp_traj.formulation.requirements import (
 from ocp_traj.formulation.retiming import retiming
 from ocp_traj.formulation.route import Route, route_of
 from ocp_traj.formulation.task import Task
-from ocp_traj.formulation.task_file import read_task, task_of
+from ocp_traj.formulation.task_file import changed, read_task, task_of
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_resolution import resolve
 from ocp_traj.formulation.tuning import Tuning
@@ -55,9 +55,13 @@ Case = Task
 
 
 def make(id: str, changes: Mapping[str, Any]) -> Task:
-    """A resolved task: of the file ``file``, with values by dotted place, or of all its fields."""
+    """A resolved task: of the file ``file`` or of ``task``, with values by dotted place, or of all its fields."""
     given = dict(changes)
-    file = given.pop("file", None)
+    file, task = given.pop("file", None), given.pop("task", None)
+    if task is not None:
+        if file is not None or not isinstance(task, Task):
+            raise InputError(f"task is {quoted(task)}; give a Task, and no file beside it")
+        return resolve(changed(task, given), Path())
     if file is None:
         return resolve(task_of(given), Path())
     return resolve(read_task(file, given), Path(file).parent)
