@@ -17,6 +17,7 @@ import numpy as np
 from ocp_traj.errors import InputError, nearest, quoted
 from ocp_traj.formulation import standard
 from ocp_traj.formulation.about import About
+from ocp_traj.formulation.curve_variables import variables_of
 from ocp_traj.formulation.global_cubic import global_cubic
 from ocp_traj.formulation.knot_states import SOLVER_OPTIONS, knot_states
 from ocp_traj.formulation.levels import levels_of, usual_levels
@@ -150,6 +151,7 @@ def _posed(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Pro
     problem = Problem(
         ID, made.variables, made.curve, objectives, _requirements(task, robot, route, made, limits), made.guess, task,
         robot, parameters=lambda x: casadi.SX(mass), default_objective=default, dilate=made.dilate,
+        variables_of=lambda motion: variables_of(made, motion.curve),
         scales_in_time=made.scales_in_time, reference_point=worst,
         tuning=Tuning(starts=task.solve.starts, hull_rows=hull, solver_options=SOLVER_OPTIONS),
         about=About(title=task.name, curve_kind=f"{task.curve.kind}, {len(made.legs)} legs"),

@@ -10,7 +10,7 @@ import ocp_traj as ot
 from examples import own_limit
 from ocp_traj.cli.commands import run
 from ocp_traj.errors import InputError
-from ocp_traj.solvers.by_levels import chain_to
+from ocp_traj.results.starts import levels_to
 
 ARM = {
     "dh": [
@@ -67,7 +67,7 @@ def test_an_addition_holds_at_every_level() -> None:
     problem = ot.with_objective(problem, "heat", lambda s: casadi.sumsqr(s.tau / 100.0), "s", worst=9.0)
     assert problem.levels is not None and problem.levels.finer is not None
     finer = problem.levels.finer()
-    for level in (*chain_to(problem), finer, *chain_to(finer)):
+    for level in (*levels_to(problem), finer, *levels_to(finer)):
         assert level.id == "task + torque + heat" and "torque" in level.requirements.ids
         assert level.objective("heat").unit == "s" and level.reference_point["heat"] == 9.0
     found = ot.solve(problem)

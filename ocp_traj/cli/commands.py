@@ -132,6 +132,12 @@ def solve(
         int | None,
         typer.Option(help="Random starts, the best counts; the problem's own number if not given.", min=1, max=MOST),
     ] = None,
+    start: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RUN|FILE", help="Begin at an earlier result, not at random: a trajectory, or a run's best point."
+        ),
+    ] = None,
     all_optima: Annotated[bool, typer.Option(help="List every distinct local optimum that a start ends in.")] = False,
     certify: Annotated[
         bool | None,
@@ -175,7 +181,7 @@ def solve(
     with stopping() as stop:
         with console.progress("solving") as progress:
             solution = api.solve(
-                chosen, objective=objective, weights=weights, method=method, starts=starts, seed=seed,
+                chosen, objective=objective, weights=weights, method=method, starts=starts, seed=seed, start=start,
                 all_optima=all_optima, certify=certify, progress=progress, **options,
             )  # fmt: skip
         if chosen.levels is not None and solution.trajectory is not None:
