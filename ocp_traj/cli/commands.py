@@ -27,7 +27,7 @@ from typer.exceptions import TyperException
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.cli import console
 from ocp_traj.errors import InputError, OcpTrajError, cut, quoted
-from ocp_traj.files import LONGEST_PATH, check_writable
+from ocp_traj.files import LONGEST_PATH, check_writable, write_text
 from ocp_traj.solvers import methods
 from ocp_traj.stopping import exit_code, stopping
 from ocp_traj.version import __version__
@@ -103,6 +103,24 @@ def list_problems(json: AsJson = False) -> None:
     from ocp_traj.cli import sheets
 
     console.show(sheets.problem_list([problems.summary(name) for name in problems.names()]), json)
+
+
+@app.command()
+def new(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Task file to write (TOML).")],
+    force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
+) -> None:
+    """Writes a task file to begin with: a robot, a path and limits, every key explained; it solves as it stands.
+
+    Example: ocp-traj new arm.toml
+    """
+    from ocp_traj.formulation.task_example import task_example
+
+    if file.suffix.lower() != ".toml":
+        raise InputError(f"a task file ends in .toml; {quoted(file.name)} does not")
+    if file.exists() and not force:
+        raise InputError(f"{file} is there already; give another name, or --force to replace it")
+    console.say(f"task: {write_text(file, task_example())}\nnext: ocp-traj solve {file} -o t.json")
 
 
 @app.command()
