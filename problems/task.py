@@ -36,7 +36,7 @@ from ocp_traj.formulation.requirements import (
 from ocp_traj.formulation.retiming import retiming
 from ocp_traj.formulation.route import Route, route_of
 from ocp_traj.formulation.task import Task
-from ocp_traj.formulation.task_file import changed, read_task, task_of
+from ocp_traj.formulation.task_file import changed, read_task, task_of, told
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_resolution import resolve
 from ocp_traj.formulation.tuning import Tuning
@@ -65,7 +65,11 @@ def make(id: str, changes: Mapping[str, Any]) -> Task:
         return resolve(changed(task, given), Path())
     if file is None:
         return resolve(task_of(given), Path())
-    return resolve(read_task(file, given), Path(file).parent)
+    task = read_task(file, given)
+    try:
+        return resolve(task, Path(file).parent)
+    except InputError as error:
+        raise told(error, task.name, file) from error
 
 
 def build(task: Task) -> Problem:
@@ -115,7 +119,9 @@ def _check_curve(task: Task) -> None:
     if kind not in ("cubic", "retime"):
         return
     if len(task.move) > 1 or task.move[0].begin or task.move[0].end or np.any(task.move[0].tolerance):
-        raise InputError(f"{name}: a {kind} curve is one [[move]] from rest to rest, without tolerance; take auto")
+        raise InputError(
+            f"{name}: [curve] kind: a {kind} curve is one move from rest to rest, without tolerance; take auto"
+        )
     if kind == "cubic" and task.curve.rest != 2:
         raise InputError(f"{name}: [curve] rest is {task.curve.rest}; a cubic rests to the 2nd derivative: give 2")
 
@@ -164,10 +170,11 @@ def _minimised(task: Task, objectives: tuple[Objective, ...]) -> tuple[tuple[Obj
     wanted, front = task.objective.minimise, task.objective.front
     weights = {wanted: 1.0} if isinstance(wanted, str) else wanted
     known = {o.id: o for o in objectives}
-    for name in (*weights, *(() if front is None else (*front.objectives, *front.reference))):
+    traded = {} if front is None else {"front.objectives": front.objectives, "front.reference": front.reference}
+    for key, name in ((key, name) for key, names in ({"minimise": weights} | traded).items() for name in names):
         if name not in known:
             raise InputError(
-                f"{task.name}: [objective] there is no objective {quoted(name)}{nearest(name, known)}; give of "
+                f"{task.name}: [objective] {key}: there is no objective {quoted(name)}{nearest(name, known)}; give of "
                 f"{', '.join(known)}"
             )
     if isinstance(wanted, str):
