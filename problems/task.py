@@ -20,6 +20,7 @@ from ocp_traj.formulation.about import About
 from ocp_traj.formulation.curve_variables import variables_of
 from ocp_traj.formulation.global_cubic import global_cubic
 from ocp_traj.formulation.knot_states import SOLVER_OPTIONS, knot_states
+from ocp_traj.formulation.knots import NEAR
 from ocp_traj.formulation.levels import levels_of, usual_levels
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.parametrisation import Parametrisation
@@ -203,7 +204,7 @@ def _requirements(
         low, high = (route.points[inner] + sign * route.tolerance for sign in (-1.0, 1.0))
         places = tuple(made.knots[i] for i in inner)
         points.append(
-            PointConstraint("near", lambda s: s.q, places, low, high, robot.units, robot.joints, structural=True)
+            PointConstraint(NEAR, lambda s: s.q, places, low, high, robot.units, robot.joints, structural=True)
         )
     points.append(standard.via_points(route.points[exact], tuple(made.knots[i] for i in exact), *axes))
     waits = tuple(
