@@ -21,6 +21,7 @@ from ocp_traj.io.store import Run, request
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.alternatives import best_front
 from ocp_traj.results.front import Front
+from ocp_traj.results.limit_gains import limit_gains
 from ocp_traj.results.pareto_set import ENDED_AFTER, proved_front
 from ocp_traj.results.records import Found, Record, ignore
 from ocp_traj.results.solution import Solution
@@ -171,6 +172,7 @@ def _solve(
             by_levels = problem.levels is not None and not all_optima
             found = (ByLevels(many, progress=all_) if by_levels else many).solve(problem, scalar)
         problem = finest(problem, found)
+        found = replace(found, gains=limit_gains(problem, scalar, found))
     proved = found.audit is not None and found.audit.proved
     default = method == "exchange" and problem.size <= MOST_DURATIONS and is_certifiable(problem, scalar)
     wanted = default if certify is None else certify
@@ -178,7 +180,8 @@ def _solve(
         return found
     judge = BranchAndBound(progress=progress)
     if method == "exchange":
-        return judge.improve(problem, scalar, found)
+        found = judge.improve(problem, scalar, found)
+        return replace(found, gains=limit_gains(problem, scalar, found))
     return replace(found, certificate=judge.certify(problem, scalar, found)[0])
 
 

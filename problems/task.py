@@ -20,7 +20,9 @@ from ocp_traj.formulation.about import About
 from ocp_traj.formulation.curve_variables import variables_of
 from ocp_traj.formulation.global_cubic import global_cubic
 from ocp_traj.formulation.knot_states import SOLVER_OPTIONS, knot_states
+from ocp_traj.formulation.knots import NEAR
 from ocp_traj.formulation.levels import levels_of, usual_levels
+from ocp_traj.formulation.move_path import retimed_path, retimed_pieces
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.formulation.problem import Problem
@@ -40,7 +42,6 @@ from ocp_traj.formulation.task_file import changed, read_task, task_of, told
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_resolution import resolve
 from ocp_traj.formulation.tuning import Tuning
-from ocp_traj.paths.joint_path import JointPath
 from ocp_traj.robot.inertias import missing_inertias, require_exact, require_inertias
 from ocp_traj.robot.numbers import from_numbers
 from ocp_traj.robot.payload import ToolPayload
@@ -48,7 +49,6 @@ from ocp_traj.robot.robot import Robot
 
 ID = "task"
 DEGREES = {"quintic": 5, "septic": 7, "nonic": 9}
-RETIMED = 16  # pieces a leg of a path that is retimed: our choice, within 0.2 % of what more would give
 COST = "cost"  # id of the weighted sum that a task minimises
 REST_TOLERANCE = 1e-9  # of given derivatives at the ends, as of rest
 
@@ -84,8 +84,8 @@ def _problem(task: Task) -> Problem:
     if kind == "cubic":
         return _posed(task, robot, route, global_cubic(route.points, robot.limits))
     if kind == "retime":
-        path = JointPath.through(route.points, robot.joints)
-        made = retiming(path, robot.limits, pieces=task.curve.pieces or RETIMED, rest=rest)
+        path = retimed_path(task, route, robot.joints, robot.limits)
+        made = retiming(path, robot.limits, pieces=retimed_pieces(task, path.curve.segments), rest=rest)
         return _posed(task, robot, route, made)
     degree = DEGREES.get(kind) or (5 if robot.limits.bounds("snap") is None else 7)
     if rest > degree // 2:
@@ -210,7 +210,7 @@ def _requirements(
         low, high = (route.points[inner] + sign * route.tolerance for sign in (-1.0, 1.0))
         places = tuple(made.knots[i] for i in inner)
         points.append(
-            PointConstraint("near", lambda s: s.q, places, low, high, robot.units, robot.joints, structural=True)
+            PointConstraint(NEAR, lambda s: s.q, places, low, high, robot.units, robot.joints, structural=True)
         )
     points.append(standard.via_points(route.points[exact], tuple(made.knots[i] for i in exact), *axes))
     waits = tuple(

@@ -37,6 +37,8 @@ class Variable:
         slack_of: the objective of which the block is a slack: bounded by limits, and no part of the curve, such as the
             least clearance where clearance is maximised. At its lower bound it tightens no limit, and it is fixed there
             unless that objective is traded. Empty for a variable of the curve.
+        bounded_by: (id, label) of the limit that gives each entry its bounds, perhaps in another unit; empty where the
+            bounds are the block's own.
     """
 
     id: str
@@ -46,6 +48,7 @@ class Variable:
     labels: tuple[str, ...]
     eq: str = ""
     slack_of: str = ""
+    bounded_by: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         """Checks shapes and bounds."""
@@ -56,6 +59,10 @@ class Variable:
             raise ProblemDefinitionError(
                 f"variable {self.id!r}: bounds {lower.shape} and {upper.shape} for {len(self.labels)} labels; "
                 "give one of each per label"
+            )
+        if self.bounded_by and len(self.bounded_by) != len(self.labels):
+            raise ProblemDefinitionError(
+                f"variable {self.id!r}: {len(self.bounded_by)} limits for {len(self.labels)} labels; give one per label"
             )
         for label, low, high in zip(self.labels, lower, upper, strict=True):
             if not low <= high:

@@ -312,6 +312,20 @@ class Derivatives(Table):
     acceleration: Row | None = Field(None, description="a list, one a joint")
 
 
+class Geometry(Table):
+    """A path's own curve through the points of ``via``, over a parameter of its own; what ``retime`` keeps."""
+
+    durations: Row = Field(description="a list of numbers above zero, the steps of the parameter between the points")
+    control_points: list[Rows] = Field(description="a list with the control points of each segment, in rad or m")
+
+    @model_validator(mode="after")
+    def _segments(self) -> Geometry:
+        sizes = {len(row) for rows in self.control_points for row in rows}
+        if len(self.control_points) != len(self.durations) or min(self.durations) <= 0.0 or len(sizes) != 1:
+            raise ValueError("has not as many segments as durations above zero, all of the same joints; give those")
+        return self
+
+
 class MoveTable(Table):
     """``[[move]]``: where to."""
 
@@ -319,6 +333,10 @@ class MoveTable(Table):
     start: Row | None = Field(None, description="a list with one coordinate a joint")
     goal: Row | None = Field(None, description="a list with one coordinate a joint")
     path: str | None = Field(None, description="a CSV, ROS YAML or trajectory file, from the task file's folder")
+    point: Annotated[int, BeforeValidator(_whole)] | None = Field(
+        None, ge=0, description="a whole number from 0 up, which trajectory of the run folder that path is"
+    )
+    geometry: Geometry | None = Field(None, description="a path's own curve, as a resolved task has it")
     line: Later | None = Field(None, description="")
     arc: Later | None = Field(None, description="")
     poses: Later | None = Field(None, description="")
@@ -337,6 +355,10 @@ class MoveTable(Table):
             raise ValueError(f"has {' and '.join(ways) or 'no way to go'}; give exactly one of via, goal, path")
         if self.start is not None and ways != ["goal"]:
             raise ValueError("has start without goal; give both, or via")
+        if self.point is not None and self.path is None:
+            raise ValueError("has point without path; give the run folder as path")
+        if self.geometry is not None and self.via is None:
+            raise ValueError("has geometry without via; give the points it passes as well")
         if self.dwell and not self.stop:
             raise ValueError("has dwell and stop = false; the robot stands still only where it stops")
         return self
