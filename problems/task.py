@@ -8,6 +8,7 @@ Subject to          the limits of the task, rest or given derivatives at the end
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,8 @@ from ocp_traj.robot.robot import Robot
 ID = "task"
 DEGREES = {"quintic": 5, "septic": 7, "nonic": 9}
 RETIMED = 16  # pieces a leg of a path that is retimed: our choice, within 0.2 % of what more would give
+HEAVIEST, LIKELY = 1e3, 1.0  # of a payload that is freed, at most and of random starts [kg]: our choice
+PAYLOAD = "payload_mass"  # id of its objective
 COST = "cost"  # id of the weighted sum that a task minimises
 REST_TOLERANCE = 1e-9  # of given derivatives at the ends, as of rest
 
@@ -143,15 +146,16 @@ def _posed(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Pro
     worst = worst_values(objectives, made, robot.size, mass)
     if task.objective.front is not None:
         worst |= task.objective.front.reference
-    objectives, default = _minimised(task, objectives)
     problem = Problem(
         ID, made.variables, made.curve, objectives, _requirements(task, robot, route, made, limits), made.guess, task,
-        robot, parameters=lambda x: casadi.SX(mass), default_objective=default, dilate=made.dilate,
-        scales_in_time=made.scales_in_time, reference_point=worst,
+        robot, parameters=lambda x: casadi.SX(mass), dilate=made.dilate, scales_in_time=made.scales_in_time,
+        reference_point=worst, about=About(title=task.name, curve_kind=f"{task.curve.kind}, {len(made.legs)} legs"),
         tuning=Tuning(starts=task.solve.starts, hull_rows=hull, solver_options=SOLVER_OPTIONS),
-        about=About(title=task.name, curve_kind=f"{task.curve.kind}, {len(made.legs)} legs"),
     )  # fmt: skip
-    return standard.free_payload(problem, 1e3, 1.0) if task.free_payload else problem
+    if task.free_payload:
+        problem = replace(standard.free_payload(problem, HEAVIEST, LIKELY), reference_point=worst | {PAYLOAD: 0.0})
+    objectives, default = _minimised(task, problem.objectives)
+    return replace(problem, objectives=objectives, default_objective=default)
 
 
 def _minimised(task: Task, objectives: tuple[Objective, ...]) -> tuple[tuple[Objective, ...], str]:
@@ -159,15 +163,17 @@ def _minimised(task: Task, objectives: tuple[Objective, ...]) -> tuple[tuple[Obj
     wanted, front = task.objective.minimise, task.objective.front
     weights = {wanted: 1.0} if isinstance(wanted, str) else wanted
     known = {o.id: o for o in objectives}
+    freed = " (payload_mass is one where free_payload = true)" if PAYLOAD not in known else ""
     for name in (*weights, *(() if front is None else (*front.objectives, *front.reference))):
         if name not in known:
             raise InputError(
                 f"{task.name}: [objective] there is no objective {quoted(name)}{nearest(name, known)}; give of "
-                f"{', '.join(known)}"
+                f"{', '.join(known)}{freed}"
             )
     if isinstance(wanted, str):
         return objectives, wanted
-    terms = {name: weight / known[name].scale for name, weight in weights.items()}
+    sign = {"min": 1.0, "max": -1.0}
+    terms = {name: sign[known[name].sense] * weight / known[name].scale for name, weight in weights.items()}
     return (*objectives, Objective(COST, "-", terms=terms)), COST
 
 
