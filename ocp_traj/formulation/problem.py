@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
+from ocp_traj.curves.motion import Motion
 from ocp_traj.display import Shown, count
 from ocp_traj.errors import ProblemDefinitionError, UnknownName, cut, quoted
 from ocp_traj.formulation.about import About
@@ -132,6 +133,8 @@ class Problem(Shown):
         alternatives: where the problem leaves a discrete choice open, the problem of each choice, by its name; they
             differ in nothing but the case and the curve. The problem itself is then the first of them.
         decomposition: solution by parts, as a paper does, in place of the whole.
+        variables_of: motion -> x of it, the inverse of ``curve`` and ``parameters``, for starts; None where it has to
+            be found by search.
         tighten_slacks: x -> x with the slacks of objectives at what its curve really has.
         tuning: how it is solved well.
         levels: the problems of the same motion with fewer and more pieces, by which it is solved; None for none.
@@ -154,6 +157,7 @@ class Problem(Shown):
     best_values: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     alternatives: Mapping[str, Problem] = field(default_factory=dict)
     decomposition: Decomposition | None = None
+    variables_of: Callable[[Motion], Array] | None = None
     tighten_slacks: Callable[[Array], Array] | None = None
     tuning: Tuning = Tuning()
     levels: Levels | None = None

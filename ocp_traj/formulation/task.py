@@ -6,14 +6,14 @@ when nothing outside it decides what it means: robot in numbers, all of it in SI
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import isfinite
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
-from ocp_traj.errors import quoted
+from ocp_traj.errors import InputError
+from ocp_traj.formulation.task_complaints import LATER, complaint
 
 FORMAT = "ocp-traj/task/1"
 LARGEST = 1e12  # of a number in a task: our choice, beyond any robot
@@ -21,7 +21,6 @@ SMALLEST = 1e-9  # of a limit that is not zero: our choice, below any robot's
 MOST_POINTS = 100_000  # of a path: our choice
 KINDS = ("cubic", "quintic", "septic", "nonic", "auto", "retime")
 QUANTITIES = ("position", "velocity", "acceleration", "jerk", "snap", "effort")
-LATER = "is not built in this version"  # of what the format has beyond it
 
 
 def _plain(value: Any) -> Any:
@@ -250,6 +249,20 @@ class Derivatives(Table):
     acceleration: Row | None = Field(None, description="a list, one a joint")
 
 
+class Geometry(Table):
+    """A path's own curve through the points of ``via``, over a parameter of its own; what ``retime`` keeps."""
+
+    durations: Row = Field(description="a list of numbers above zero, the steps of the parameter between the points")
+    control_points: list[Rows] = Field(description="a list with the control points of each segment, in rad or m")
+
+    @model_validator(mode="after")
+    def _segments(self) -> Geometry:
+        sizes = {len(row) for rows in self.control_points for row in rows}
+        if len(self.control_points) != len(self.durations) or min(self.durations) <= 0.0 or len(sizes) != 1:
+            raise ValueError("has not as many segments as durations above zero, all of the same joints; give those")
+        return self
+
+
 class MoveTable(Table):
     """``[[move]]``: where to."""
 
@@ -257,6 +270,10 @@ class MoveTable(Table):
     start: Row | None = Field(None, description="a list with one coordinate a joint")
     goal: Row | None = Field(None, description="a list with one coordinate a joint")
     path: str | None = Field(None, description="a CSV, ROS YAML or trajectory file, from the task file's folder")
+    point: Annotated[int, BeforeValidator(_whole)] | None = Field(
+        None, ge=0, description="a whole number from 0 up, which trajectory of the run folder that path is"
+    )
+    geometry: Geometry | None = Field(None, description="a path's own curve, as a resolved task has it")
     line: Later | None = Field(None, description="")
     arc: Later | None = Field(None, description="")
     poses: Later | None = Field(None, description="")
@@ -266,7 +283,9 @@ class MoveTable(Table):
     dwell: Mass = Field(0.0, description="seconds to stand still after the move, 0 or more")
     begin: Derivatives | None = Field(None, description="a table with velocity and acceleration, of the first move")
     end: Derivatives | None = Field(None, description="a table with velocity and acceleration, of the last move")
-    payload: Held | None = Field(None, description="what is carried on this move, in place of the robot's")
+    payload: Held | None = Field(
+        None, description="a table with mass and, if need be, com and inertia, in place of the robot's"
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> MoveTable:
@@ -275,6 +294,10 @@ class MoveTable(Table):
             raise ValueError(f"has {' and '.join(ways) or 'no way to go'}; give exactly one of via, goal, path")
         if self.start is not None and ways != ["goal"]:
             raise ValueError("has start without goal; give both, or via")
+        if self.point is not None and self.path is None:
+            raise ValueError("has point without path; give the run folder as path")
+        if self.geometry is not None and self.via is None:
+            raise ValueError("has geometry without via; give the points it passes as well")
         if self.dwell and not self.stop:
             raise ValueError("has dwell and stop = false; the robot stands still only where it stops")
         return self
@@ -335,6 +358,17 @@ class Task(Table):
     free_payload: bool = Field(False, description="true or false: whether the payload's mass is a variable")
     source: Source | None = Field(None, description="what a resolved task was made from")
 
+    def __init__(self, **fields: Any) -> None:
+        """A task of plain values, by table.
+
+        Raises:
+            InputError: one line of what is wrong first.
+        """
+        try:
+            super().__init__(**fields)
+        except ValidationError as error:
+            raise InputError(complaint(error, Task, fields)) from error
+
     @property
     def resolved(self) -> bool:
         """Whether nothing outside the task decides what it means."""
@@ -343,13 +377,3 @@ class Task(Table):
     def fields(self) -> dict[str, Any]:
         """Its fields that differ from their defaults, as plain JSON values: enough to make it again."""
         return self.model_dump(mode="python", exclude_defaults=True)
-
-
-def allowed_in(cls: type[BaseModel]) -> tuple[str, ...]:
-    """Names that a table may have, those of later versions left out."""
-    return tuple(name for name, field in cls.model_fields.items() if field.description)
-
-
-def shown(value: Any) -> str:
-    """A given value as a complaint quotes it."""
-    return quoted(dict(value) if isinstance(value, Mapping) else value)

@@ -11,8 +11,8 @@ import pinocchio as pin
 
 from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError
+from ocp_traj.formulation.move_path import resolved_path
 from ocp_traj.formulation.task import Derivatives, Held, MoveTable, Placement, RobotTable, Source, Task, Units, share_of
-from ocp_traj.paths.path_points import read_points
 from ocp_traj.robot.descriptions import description_urdf
 from ocp_traj.robot.dh import robot_of_rows
 from ocp_traj.robot.dynamics import Friction
@@ -159,8 +159,9 @@ def _resolved_held(held: Held | None, length: float) -> Held | None:
 
 def _resolved_move(move: MoveTable, task: Task, folder: Path, robot: Robot, factor: Array, length: float) -> MoveTable:
     if move.path is not None:
-        points = _path_points(folder / move.path, robot, factor)
+        points, geometry = resolved_path(move.path, folder, move.point, robot.joints, factor)
     else:
+        geometry = move.geometry
         rows = move.via if move.via is not None else [row for row in (move.start, move.goal) if row is not None]
         if wrong := [row for row in rows if len(row) != robot.size]:
             raise InputError(
@@ -173,7 +174,8 @@ def _resolved_move(move: MoveTable, task: Task, folder: Path, robot: Robot, fact
                 f"{task.name}: points {i + 1} and {i + 2} of [[move]] are the same; leave one of them out (to stand "
                 "still is a dwell)"
             )
-    changed: dict[str, Any] = {"via": points.tolist(), "start": None, "goal": None, "path": None}
+    changed: dict[str, Any] = {"via": points.tolist(), **dict.fromkeys(("start", "goal", "path", "point"))}
+    changed["geometry"] = geometry
     changed["payload"] = _resolved_held(move.payload, length)
     tolerance = np.broadcast_to(np.asarray(move.tolerance, dtype=float), np.shape(move.tolerance) or ())
     if tolerance.shape not in ((), (robot.size,)) or (tolerance < 0.0).any():
@@ -188,10 +190,3 @@ def _resolved_move(move: MoveTable, task: Task, folder: Path, robot: Robot, fact
             changed[side] = Derivatives(**{k: (np.array(v) * factor).tolist() for k, v in given.items()})
     return move.model_copy(update=changed)
 
-
-def _path_points(path: Path, robot: Robot, factor: Array) -> Array:
-    """Points of a file ``(N, dof)``: a table's are in the task's units, a ROS message's in SI; none twice in a row."""
-    points, places = read_points(path, robot.joints)
-    for i in np.flatnonzero((np.diff(points, axis=0) == 0.0).all(axis=1)).tolist():
-        raise InputError(f"{places[i]} and {places[i + 1]} are the same; leave one of them out")
-    return points * factor if path.suffix.lower() == ".csv" else points
