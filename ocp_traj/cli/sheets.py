@@ -290,7 +290,8 @@ def payload_sheet(found: LargestPayload) -> Sheet:
     }
     names = ["payload [kg]", "binding limit", "instant [s]", "holds for", "because"]
     row = [f"{found.payload:.6f}", found.binding, found.instant, found.kind, found.argument]
-    return Sheet(data, [("Largest payload", names, [row])])
+    title = "Largest payload" + (" found" if found.kind == "within a time" else "")
+    return Sheet(data, [(title, names, [row])])
 
 
 def export_sheet(found: Exported) -> Sheet:

@@ -12,17 +12,18 @@ from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.formulation.requirements import Expression, state_function
+from ocp_traj.formulation.task_payload import Carried
 from ocp_traj.robot.robot import Robot
 
 WORST_TIME, WORST = 3.0, 5.0  # times what the first guess takes, and of the others what it has: our choice
 
 
-def objectives_of(robot: Robot, effort: Expression | None, made: Parametrisation) -> tuple[Objective, ...]:
+def objectives_of(robot: Robot, load: Carried | None, made: Parametrisation) -> tuple[Objective, ...]:
     """Time, energy, effort, movement, acceleration and jerk: squares are over the limits', where all are limited.
 
     Args:
         robot: whose limits.
-        effort: of the actuators, of the state; None where the robot has no inertias, and no such objectives.
+        load: with the efforts of the actuators; None where the robot has no inertias, and no such objectives.
         made: the curve.
     """
     duration = made.duration
@@ -35,11 +36,14 @@ def objectives_of(robot: Robot, effort: Expression | None, made: Parametrisation
             return np.ones(robot.size), ""
         return np.maximum(-pair[0], pair[1]), "s"
 
-    if effort is not None:
+    if load is not None:
+        effort, table = load.effort, load.constants
         most, unit = shares("effort")
         found += [
-            Objective("energy", "W2 s", 1000.0, integrand=lambda s: casadi.sumsqr(effort(s) * s.v)),
-            Objective("effort", unit or "(N m)2 s", integrand=lambda s: casadi.sumsqr(effort(s) / most)),
+            Objective("energy", "W2 s", 1000.0, integrand=lambda s: casadi.sumsqr(effort(s) * s.v), constants=table),
+            Objective(
+                "effort", unit or "(N m)2 s", integrand=lambda s: casadi.sumsqr(effort(s) / most), constants=table
+            ),
         ]
     unit = "rad" if set(robot.units) == {"rad"} else "rad or m"
     found.append(Objective("movement", unit, variation=lambda s: s.q))
@@ -59,14 +63,16 @@ def _squares(order: int, most: Array) -> Expression:
     return lambda s: casadi.sumsqr(s[order] / most)
 
 
-def worst_values(objectives: Sequence[Objective], made: Parametrisation, dof: int, mass: float) -> dict[str, float]:
+def worst_values(
+    objectives: Sequence[Objective], made: Parametrisation, dof: int, parameters: Array
+) -> dict[str, float]:
     """The worst values worth having: those of the first guess, ``WORST`` times.
 
     Args:
         objectives: of ``objectives_of``.
         made: the curve.
         dof: joints.
-        mass: of the payload [kg].
+        parameters: of the problem ``(n_p,)``.
     """
     x = made.guess(np.random.default_rng(0))
     curve = made.curve(x)
@@ -77,19 +83,22 @@ def worst_values(objectives: Sequence[Objective], made: Parametrisation, dof: in
         elif o.variation is not None:
             value = float(np.abs(np.diff(curve(np.linspace(0.0, float(curve.duration), 200)), axis=0)).sum())
         else:
-            value = _integral(curve, o, dof, mass)
+            value = _integral(curve, o, dof, parameters)
         found[o.id] = max((WORST_TIME if o.of_variables is not None else WORST) * value, 1e-9)
     return found
 
 
-def _integral(curve: PiecewiseBezier, objective: Objective, dof: int, mass: float) -> float:
+def _integral(curve: PiecewiseBezier, objective: Objective, dof: int, parameters: Array) -> float:
     """An objective that is an integral, along a numeric curve."""
     assert objective.integrand is not None
-    function = state_function(objective.id, objective.integrand, dof, 1)
+    table = objective.constants
+    width = 0 if table is None else table.shape[1]
+    function = state_function(objective.id, objective.integrand, dof, len(parameters), width)
     nodes, weights = np.array(objective.quadrature).T
     total = 0.0
     for k, duration in enumerate(np.asarray(curve.durations, dtype=float)):
         states = np.vstack([np.reshape(curve.at(k, nodes, order), (-1, dof)).T for order in range(5)])
-        values = np.array(function.map(len(nodes))(states, nodes[None], mass, casadi.DM(0, 1))).ravel()
+        constants = np.zeros(0) if table is None else table[k]
+        values = np.array(function.map(len(nodes))(states, nodes[None], parameters, constants)).ravel()
         total += float(duration * values @ weights)
     return total
