@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import casadi
 import numpy as np
@@ -15,11 +16,12 @@ from ocp_traj.formulation.requirements import Expression, state_function
 from ocp_traj.formulation.task_payload import Carried
 from ocp_traj.robot.robot import Robot
 
+SMOOTHING = 0.1  # [W] of |power|, a joint: work comes out at most so much times the duration too large; our choice
 WORST_TIME, WORST = 3.0, 5.0  # times what the first guess takes, and of the others what it has: our choice
 
 
 def objectives_of(robot: Robot, load: Carried | None, made: Parametrisation) -> tuple[Objective, ...]:
-    """Time, energy, effort, movement, acceleration and jerk: squares are over the limits', where all are limited.
+    """Time, work, energy, effort, movement, acceleration and jerk: squares are over the limits', where all are limited.
 
     Args:
         robot: whose limits.
@@ -38,8 +40,10 @@ def objectives_of(robot: Robot, load: Carried | None, made: Parametrisation) -> 
 
     if load is not None:
         effort, table = load.effort, load.constants
+        rounded = f"each |P| as sqrt(P^2 + ({SMOOTHING:g} W)^2)"
         most, unit = shares("effort")
         found += [
+            Objective("work", "J", 100.0, eq=rounded, integrand=lambda s: _work(effort(s) * s.v), constants=table),
             Objective("energy", "W2 s", 1000.0, integrand=lambda s: casadi.sumsqr(effort(s) * s.v), constants=table),
             Objective(
                 "effort", unit or "(N m)2 s", integrand=lambda s: casadi.sumsqr(effort(s) / most), constants=table
@@ -56,6 +60,11 @@ def objectives_of(robot: Robot, load: Carried | None, made: Parametrisation) -> 
 def _derivatives(count: int) -> Expression:
     """The first so many derivatives of the joints."""
     return lambda s: casadi.vertcat(*s[1 : count + 1])
+
+
+def _work(power: Any) -> Any:
+    """The sum of sizes of powers, each smooth where it changes its sign and at most ``SMOOTHING`` too large."""
+    return casadi.sum1(casadi.sqrt(power**2 + SMOOTHING**2))
 
 
 def _squares(order: int, most: Array) -> Expression:
