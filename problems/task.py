@@ -87,7 +87,8 @@ def _problem(task: Task) -> Problem:
         return _posed(task, robot, route, global_cubic(route.points, robot.limits))
     if kind == "retime":
         path = retimed_path(task, route, robot.joints, robot.limits)
-        made = retiming(path, robot.limits, pieces=retimed_pieces(task, path.curve.segments), rest=rest)
+        pieces = retimed_pieces(task, path.curve.segments)
+        made = retiming(path, robot.limits, pieces=pieces, rest=rest, units=robot.units)
         return _posed(task, robot, route, made)
     degree = DEGREES.get(kind) or (5 if robot.limits.bounds("snap") is None else 7)
     if rest > degree // 2:

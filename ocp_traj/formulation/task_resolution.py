@@ -237,4 +237,3 @@ def _resolved_move(move: MoveTable, task: Task, folder: Path, robot: Robot, fact
                     )
             changed[side] = Derivatives(**{k: (np.array(v) * factor).tolist() for k, v in given.items()})
     return move.model_copy(update=changed)
-
