@@ -17,8 +17,10 @@ import numpy as np
 from ocp_traj.errors import InputError, nearest, quoted
 from ocp_traj.formulation import standard
 from ocp_traj.formulation.about import About
+from ocp_traj.formulation.curve_variables import variables_of
 from ocp_traj.formulation.global_cubic import global_cubic
 from ocp_traj.formulation.knot_states import SOLVER_OPTIONS, knot_states
+from ocp_traj.formulation.knots import NEAR
 from ocp_traj.formulation.levels import levels_of, usual_levels
 from ocp_traj.formulation.move_path import retimed_path, retimed_pieces
 from ocp_traj.formulation.objective import Objective
@@ -36,7 +38,7 @@ from ocp_traj.formulation.requirements import (
 from ocp_traj.formulation.retiming import retiming
 from ocp_traj.formulation.route import Route, route_of
 from ocp_traj.formulation.task import Task
-from ocp_traj.formulation.task_file import read_task, task_of
+from ocp_traj.formulation.task_file import changed, read_task, task_of
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_resolution import resolve
 from ocp_traj.formulation.tuning import Tuning
@@ -54,9 +56,13 @@ Case = Task
 
 
 def make(id: str, changes: Mapping[str, Any]) -> Task:
-    """A resolved task: of the file ``file``, with values by dotted place, or of all its fields."""
+    """A resolved task: of the file ``file`` or of ``task``, with values by dotted place, or of all its fields."""
     given = dict(changes)
-    file = given.pop("file", None)
+    file, task = given.pop("file", None), given.pop("task", None)
+    if task is not None:
+        if file is not None or not isinstance(task, Task):
+            raise InputError(f"task is {quoted(task)}; give a Task, and no file beside it")
+        return resolve(changed(task, given), Path())
     if file is None:
         return resolve(task_of(given), Path())
     return resolve(read_task(file, given), Path(file).parent)
@@ -145,6 +151,7 @@ def _posed(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Pro
     problem = Problem(
         ID, made.variables, made.curve, objectives, _requirements(task, robot, route, made, limits), made.guess, task,
         robot, parameters=lambda x: casadi.SX(mass), default_objective=default, dilate=made.dilate,
+        variables_of=lambda motion: variables_of(made, motion.curve),
         scales_in_time=made.scales_in_time, reference_point=worst,
         tuning=Tuning(starts=task.solve.starts, hull_rows=hull, solver_options=SOLVER_OPTIONS),
         about=About(title=task.name, curve_kind=f"{task.curve.kind}, {len(made.legs)} legs"),
@@ -196,7 +203,7 @@ def _requirements(
         low, high = (route.points[inner] + sign * route.tolerance for sign in (-1.0, 1.0))
         places = tuple(made.knots[i] for i in inner)
         points.append(
-            PointConstraint("near", lambda s: s.q, places, low, high, robot.units, robot.joints, structural=True)
+            PointConstraint(NEAR, lambda s: s.q, places, low, high, robot.units, robot.joints, structural=True)
         )
     points.append(standard.via_points(route.points[exact], tuple(made.knots[i] for i in exact), *axes))
     waits = tuple(
