@@ -9,11 +9,14 @@ import numpy as np
 
 from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
-from ocp_traj.formulation.objective import Objective
+from ocp_traj.formulation.objective import Objective, SumOfSquares, gauss
 from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.formulation.requirements import Expression, state_function
 from ocp_traj.robot.robot import Robot
 
+# Of integrals of efforts, by the number of pieces from one via point to the next: along motions of a Panda and a UR5 the
+# error is below 1e-6 with so many nodes from two pieces on, and below 1e-3 with one.
+NODES = {1: 10, 2: 8, 4: 6, 8: 5}
 WORST_TIME, WORST = 3.0, 5.0  # times what the first guess takes, and of the others what it has: our choice
 
 
@@ -37,9 +40,13 @@ def objectives_of(robot: Robot, effort: Expression | None, made: Parametrisation
 
     if effort is not None:
         most, unit = shares("effort")
+        pieces = min(len(leg) for leg in made.legs)
+        rule = gauss(NODES[max(count for count in NODES if count <= pieces)])
         found += [
-            Objective("energy", "W2 s", 1000.0, integrand=lambda s: casadi.sumsqr(effort(s) * s.v)),
-            Objective("effort", unit or "(N m)2 s", integrand=lambda s: casadi.sumsqr(effort(s) / most)),
+            Objective("energy", "W2 s", 1000.0, integrand=SumOfSquares(lambda s: effort(s) * s.v), quadrature=rule),
+            Objective(
+                "effort", unit or "(N m)2 s", integrand=SumOfSquares(lambda s: effort(s) / most), quadrature=rule
+            ),
         ]
     unit = "rad" if set(robot.units) == {"rad"} else "rad or m"
     found.append(Objective("movement", unit, variation=lambda s: s.q))

@@ -189,4 +189,3 @@ def _resolved_move(move: MoveTable, task: Task, folder: Path, robot: Robot, fact
                 raise InputError(f"{task.name}: {side} of [[move]] needs {robot.size} numbers, one a joint")
             changed[side] = Derivatives(**{k: (np.array(v) * factor).tolist() for k, v in given.items()})
     return move.model_copy(update=changed)
-
