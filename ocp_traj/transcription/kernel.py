@@ -89,8 +89,7 @@ class Kernel:
         weighed = np.flatnonzero(weights.any(axis=1))
         gradient, bend = np.zeros((len(weights), self.size)), np.zeros((len(weights), self.size, self.size))
         if len(weighed):
-            some = [np.broadcast_to(a, (len(weights), a.shape[1]))[weighed] for a in arguments]
-            found = self._second(*some, weights[weighed])
+            found = self._second(*(values[weighed] for values in (*arguments, weights)))
             gradient[weighed], bend[weighed] = found[0], found[1].reshape(-1, self.size, self.size)
         return gradient, bend
 
