@@ -83,9 +83,16 @@ class Kernel:
         return slopes.reshape(len(slopes), self.rows, self.size).copy()
 
     def second(self, arguments: tuple[Array, ...], weights: Array) -> tuple[Array, Array]:
-        """Gradient ``(N, size)`` and Hessian ``(N, size, size)`` in Z of the rows times weights ``(N, rows)``."""
-        gradient, bend = self._second(*arguments, weights)
-        return gradient.copy(), bend.reshape(-1, self.size, self.size).copy()
+        """Gradient ``(N, size)`` and Hessian ``(N, size, size)`` in Z of the rows times weights ``(N, rows)``.
+
+        It takes most of a solve's time, and is not evaluated where all weights are zero.
+        """
+        weighed = np.flatnonzero(weights.any(axis=1))
+        gradient, bend = np.zeros((len(weights), self.size)), np.zeros((len(weights), self.size, self.size))
+        if len(weighed):
+            found = self._second(*(values[weighed] for values in (*arguments, weights)))
+            gradient[weighed], bend[weighed] = found[0], found[1].reshape(-1, self.size, self.size)
+        return gradient, bend
 
 
 class SquaresKernel(Kernel):
