@@ -16,6 +16,7 @@ from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound, cut, quoted
 from ocp_traj.formulation.problem import Decomposition, Problem
 from ocp_traj.formulation.scalarise import Scalarisation, WeightedSum, check_names
+from ocp_traj.formulation.task import Task
 from ocp_traj.io.start_file import earlier_results
 from ocp_traj.io.store import Run, request
 from ocp_traj.progress import Progress, silent
@@ -410,7 +411,7 @@ def _with_free_payload(problem: Problem) -> Problem:
     """The problem with its payload among its variables and its objectives."""
     if any(objective.id == PAYLOAD_MASS for objective in problem.objectives):
         return problem
-    if problem.id not in problems.names():
+    if problem.id not in problems.names() and not isinstance(problem.case, Task):
         raise InputError(
             f"{problem.id} has no objective {PAYLOAD_MASS!r}: give it the payload as a variable and as that objective"
         )
@@ -437,6 +438,5 @@ def payload(
     if trajectory is not None:
         return along(problem, trajectory)
     if max_time is not None:
-        solver = Multistart(Exchange(), starts, seed, progress=progress)
-        return within(_with_free_payload(problem), max_time, solver)
+        return within(_with_free_payload(problem), max_time, Multistart(Exchange(), starts, seed), progress)
     return static_bound(problem)
