@@ -84,6 +84,7 @@ def solve(
         start: an earlier result to begin from, in place of random starts: a trajectory, its file, or a run folder, the
             best of whose points is taken. It need not keep this problem's limits; a curve of fewer pieces will do.
         all_optima: whether ``solution.optima`` lists every distinct local optimum; ``OPTIMA_STARTS`` if not given.
+            Of a problem with levels those of the problem itself: it is not refined, and ``detail`` says so.
         solver: of each start of exchange.
         certify: whether to prove global optimality by branch and bound, and to look for a better optimum where that
             fails; by default where it applies, which is to what exchange finds for the shortest time of few durations.
@@ -172,6 +173,9 @@ def _solve(
         else:
             by_levels = problem.levels is not None and not all_optima
             found = (ByLevels(many, progress=all_) if by_levels else many).solve(problem, scalar)
+            if problem.levels is not None and all_optima:
+                words = f"all optima are of this one level, of {problem.size} variables; no finer one was looked at"
+                found = replace(found, detail=f"{found.detail}; {words}")
         problem = finest(problem, found)
         found = replace(found, gains=limit_gains(problem, scalar, found))
     proved = found.audit is not None and found.audit.proved

@@ -38,7 +38,7 @@ from ocp_traj.formulation.requirements import (
 from ocp_traj.formulation.retiming import retiming
 from ocp_traj.formulation.route import Route, route_of
 from ocp_traj.formulation.task import Task
-from ocp_traj.formulation.task_file import changed, read_task, task_of
+from ocp_traj.formulation.task_file import changed, read_task, task_of, told
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_payload import carried
 from ocp_traj.formulation.task_resolution import resolve
@@ -67,7 +67,11 @@ def make(id: str, changes: Mapping[str, Any]) -> Task:
         return resolve(changed(task, given), Path())
     if file is None:
         return resolve(task_of(given), Path())
-    return resolve(read_task(file, given), Path(file).parent)
+    task = read_task(file, given)
+    try:
+        return resolve(task, Path(file).parent)
+    except InputError as error:
+        raise told(error, task.name, file) from error
 
 
 def build(task: Task) -> Problem:
@@ -83,7 +87,8 @@ def _problem(task: Task) -> Problem:
         return _posed(task, robot, route, global_cubic(route.points, robot.limits))
     if kind == "retime":
         path = retimed_path(task, route, robot.joints, robot.limits)
-        made = retiming(path, robot.limits, pieces=retimed_pieces(task, path.curve.segments), rest=rest)
+        pieces = retimed_pieces(task, path.curve.segments)
+        made = retiming(path, robot.limits, pieces=pieces, rest=rest, units=robot.units)
         return _posed(task, robot, route, made)
     degree = DEGREES.get(kind) or (5 if robot.limits.bounds("snap") is None else 7)
     if rest > degree // 2:
@@ -117,7 +122,9 @@ def _check_curve(task: Task) -> None:
     if kind not in ("cubic", "retime"):
         return
     if len(task.move) > 1 or task.move[0].begin or task.move[0].end or np.any(task.move[0].tolerance):
-        raise InputError(f"{name}: a {kind} curve is one [[move]] from rest to rest, without tolerance; take auto")
+        raise InputError(
+            f"{name}: [curve] kind: a {kind} curve is one move from rest to rest, without tolerance; take auto"
+        )
     if kind == "cubic" and task.curve.rest != 2:
         raise InputError(f"{name}: [curve] rest is {task.curve.rest}; a cubic rests to the 2nd derivative: give 2")
 
@@ -157,11 +164,12 @@ def _minimised(task: Task, objectives: tuple[Objective, ...]) -> tuple[tuple[Obj
     wanted, front = task.objective.minimise, task.objective.front
     weights = {wanted: 1.0} if isinstance(wanted, str) else wanted
     known = {o.id: o for o in objectives}
+    traded = {} if front is None else {"front.objectives": front.objectives, "front.reference": front.reference}
     freed = " (payload_mass is one where free_payload = true)" if PAYLOAD not in known else ""
-    for name in (*weights, *(() if front is None else (*front.objectives, *front.reference))):
+    for key, name in ((key, name) for key, names in ({"minimise": weights} | traded).items() for name in names):
         if name not in known:
             raise InputError(
-                f"{task.name}: [objective] there is no objective {quoted(name)}{nearest(name, known)}; give of "
+                f"{task.name}: [objective] {key}: there is no objective {quoted(name)}{nearest(name, known)}; give of "
                 f"{', '.join(known)}{freed}"
             )
     if isinstance(wanted, str):

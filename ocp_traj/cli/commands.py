@@ -528,8 +528,23 @@ def _load(name: str, assignments: Sequence[str] | None) -> Problem:
     if name.lower().endswith(".toml"):
         if "file" in changes:
             raise InputError("--set file is no place in a task; give one such as robot.payload.mass")
-        return problems.load("task", file=name, **changes)
+        problem = problems.load("task", file=name, **changes)
+        _check_export(problem.case, name)
+        return problem
     return problems.load(name, **changes)
+
+
+def _check_export(task: Task, file: str) -> None:
+    """Refuses a wrong ``[export]`` before there is anything to export."""
+    if task.export is None:
+        return
+    from ocp_traj.formulation.task_file import told
+    from ocp_traj.io.export import check_table
+
+    try:
+        check_table(task.export)
+    except InputError as error:
+        raise told(error, task.name, file) from error
 
 
 def _task(problem: Problem) -> Task | None:

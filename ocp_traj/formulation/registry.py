@@ -16,7 +16,7 @@ from ocp_traj.formulation.case import convert
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.summary import Summary
 from ocp_traj.formulation.task import Task
-from ocp_traj.formulation.task_file import changed, task_of
+from ocp_traj.formulation.task_file import changed, task_of, told
 
 AND = " + "  # between a problem's id and what is added to it in Python
 GROUP = "ocp_traj.problems"  # entry points NAME = "module", of modules that have ``build`` and ``Case``
@@ -163,7 +163,13 @@ def load(id: str, **changes: Any) -> Problem:
     """
     found = entry(id)
     if found.make is not None:
-        return found.build(found.make(id, changes))
+        case = found.make(id, changes)
+        try:
+            return found.build(case)
+        except InputError as error:
+            if "file" not in changes:
+                raise
+            raise told(error, case.name, changes["file"]) from error
     return found.build(found.case(**convert(id, found.case, changes)))
 
 

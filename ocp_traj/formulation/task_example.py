@@ -71,6 +71,7 @@ TO_COPY = {
     "move.start": "[0.0, -1.2, 1.4, -1.7, -1.5, 0.0]",
     "move.goal": "[1.2, -1.3, 1.5, -1.8, -1.5, 0.0]",
     "move.path": '"points.csv"',
+    "move.point": "0",
     "move.tolerance": "0.01",
     "move.begin": "{ velocity = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], acceleration = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0] }",
     "move.end": "{ velocity = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0] }",
@@ -138,7 +139,7 @@ EXPORT = {
     "coupling": ("1", "Of fanuc: of joint 2 into joint 3 as shown, 1, -1 or 0; from the axes without it."),
     "tool": ("1", "Of fanuc: number of the tool, 1 to 10."),
 }
-WRITTEN = ("source", "robot.numbers")  # by the program, into trajectories: of no use in a file
+WRITTEN = ("source", "robot.numbers", "move.geometry")  # by the program, into trajectories: of no use in a file
 
 
 def task_example() -> str:
@@ -153,7 +154,7 @@ def task_example() -> str:
         if name not in inline and Task.model_fields[name].description:
             lines += ["", "", *_comment(MEANING.get(name, "")), f"[[{name}]]" if name == "move" else f"[{name}]"]
             lines += _export() if name == "export" else list(_keys(tables[name], f"{name}."))
-    lines += ["", f"# Beside these, {' and '.join(WRITTEN)} stand in trajectories, where the program writes them."]
+    lines += ["", f"# Beside these, {', '.join(WRITTEN)} stand in trajectories, where the program writes them."]
     return "\n".join(lines) + "\n"
 
 
