@@ -126,9 +126,7 @@ class HMOGA:
         if ENDED_AFTER in info or "conflict" in info:
             return ParetoSet(ends.xs, "hmoga", self.seed, ends.seconds, info, ends.interrupted)
         rng = np.random.default_rng(self.seed)
-        target = PymooProblem(
-            problem, objectives, self.per_segment, tolerance=self.constraint_tolerance, known=ends.xs
-        )
+        target = PymooProblem(problem, objectives, self.per_segment, tolerance=self.constraint_tolerance, known=ends.xs)
         first = self._first(problem, objectives, list(ends.xs), rng, (target.xl, target.xu))
         watch = Watch(self.stall, self.function_tolerance, _box(target, first[: len(ends.xs)]))
         algorithm = PymooNSGA2(

@@ -16,7 +16,10 @@ from ocp_traj.paths.joint_path import JointPath
 from ocp_traj.paths.path_file import read_path
 from ocp_traj.robot.joint_limits import JointLimits
 
-RETIMED, ARCS = 16, 160  # pieces a leg of a path that is retimed, fewer where more than so many come together: our choice
+RETIMED, ARCS = (
+    16,
+    160,
+)  # pieces a leg of a path that is retimed, fewer where more than so many come together: our choice
 
 
 def resolved_path(

@@ -116,9 +116,7 @@ def _names(data: dict[str, Any], source: str) -> tuple[str, ...]:
         return joints_of(data)
 
 
-def _in_order(
-    curve: PiecewiseBezier, names: tuple[str, ...], source: str, joints: Sequence[str]
-) -> PiecewiseBezier:
+def _in_order(curve: PiecewiseBezier, names: tuple[str, ...], source: str, joints: Sequence[str]) -> PiecewiseBezier:
     for name in names:
         if name not in joints:
             raise FileFormatError(
