@@ -15,7 +15,7 @@ GUESSES, ROOM = 32, 3.0  # guesses, and times the largest of a block among them 
 def search_box(problem: Problem, known: Sequence[Array] = ()) -> tuple[Array, Array]:
     """Lower and upper bounds ``(n,)``, all finite; those of the problem where they are.
 
-    A side without a bound is ``ROOM`` times as far from zero as the largest entry of its block in a guess, or in a point
+    A side without a bound is ``ROOM`` times as far from zero as the largest entry of its block in a guess or a point
     that is known; as many units where they leave the block at zero.
     """
     lower, upper = problem.lower.copy(), problem.upper.copy()
