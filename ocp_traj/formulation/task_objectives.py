@@ -10,13 +10,16 @@ import numpy as np
 
 from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
-from ocp_traj.formulation.objective import Objective
+from ocp_traj.formulation.objective import Objective, SumOfSquares, gauss
 from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.formulation.requirements import Expression, state_function
 from ocp_traj.formulation.task_payload import Carried
 from ocp_traj.robot.robot import Robot
 
 SMOOTHING = 0.1  # [W] of |power|, a joint: work comes out at most so much times the duration too large; our choice
+# Of integrals of efforts, by the number of pieces from one via point to the next: along motions of a Panda and a UR5
+# the error is below 1e-6 with so many nodes from two pieces on, and below 1e-3 with one.
+NODES = {1: 10, 2: 8, 4: 6, 8: 5}
 WORST_TIME, WORST = 3.0, 5.0  # times what the first guess takes, and of the others what it has: our choice
 
 
@@ -42,13 +45,19 @@ def objectives_of(robot: Robot, load: Carried | None, made: Parametrisation) -> 
         effort, table = load.effort, load.constants
         rounded = f"each |P| as sqrt(P^2 + ({SMOOTHING:g} W)^2)"
         most, unit = shares("effort")
+        pieces = min(len(leg) for leg in made.legs)
+        rule = gauss(NODES[max(count for count in NODES if count <= pieces)])
         found += [
             Objective("work", "J", 100.0, eq=rounded, integrand=lambda s: _work(effort(s) * s.v), constants=table),
-            Objective("energy", "W2 s", 1000.0, integrand=lambda s: casadi.sumsqr(effort(s) * s.v), constants=table),
             Objective(
-                "effort", unit or "(N m)2 s", integrand=lambda s: casadi.sumsqr(effort(s) / most), constants=table
+                "energy", "W2 s", 1000.0, integrand=SumOfSquares(lambda s: effort(s) * s.v), constants=table,
+                quadrature=rule,
             ),
-        ]
+            Objective(
+                "effort", unit or "(N m)2 s", integrand=SumOfSquares(lambda s: effort(s) / most), constants=table,
+                quadrature=rule,
+            ),
+        ]  # fmt: skip
     unit = "rad" if set(robot.units) == {"rad"} else "rad or m"
     found.append(Objective("movement", unit, variation=lambda s: s.q))
     for order, name in ((2, "acceleration"), (3, "jerk")):

@@ -21,7 +21,7 @@ from ocp_traj.curves.motion import Motion
 from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
-from ocp_traj.formulation.requirements import ORDERS, derivative_order, state_function
+from ocp_traj.formulation.requirements import ORDERS, Expression, derivative_order, state_function
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +106,10 @@ def degrees(problem: Problem) -> tuple[int, ...]:
     return tuple(curve.size1_out(k) - 1 for k in range(2, curve.n_out()))
 
 
-def integrand_function(problem: Problem, objective: Objective) -> Any:
-    """The objective's integrand, compiled; see ``requirements.state_function``."""
+def integrand_function(problem: Problem, objective: Objective, rows: Expression | None = None) -> Any:
+    """The objective's integrand, or the rows whose squares it sums; see ``requirements.state_function``."""
     assert objective.integrand is not None
-    integrand, requirements = objective.integrand, problem.requirements
+    expression, requirements = rows or objective.integrand, problem.requirements
     table = objective.constants
     width = 0 if table is None else table.shape[1]
     if table is not None and len(table) != len(degrees(problem)):
@@ -117,8 +117,8 @@ def integrand_function(problem: Problem, objective: Objective) -> Any:
             f"objective {objective.id!r} has constants for {len(table)} segments; the curve has {len(degrees(problem))}"
         )
     return problem.cached(
-        f"integrand {objective.id}",
-        lambda: state_function(objective.id, integrand, requirements.dof, len(requirements.parameters), width),
+        ("integrand", objective.id, rows is None),
+        lambda: state_function(objective.id, expression, requirements.dof, len(requirements.parameters), width),
     )
 
 
