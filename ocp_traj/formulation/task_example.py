@@ -167,7 +167,8 @@ def _keys(table: type[BaseModel], prefix: str) -> Iterator[str]:
 def _key(table: type[BaseModel], name: str, prefix: str) -> list[str]:
     """The lines of a key: what it is, what it may be, and its value."""
     field, place = table.model_fields[name], prefix + name
-    words = " ".join(filter(None, (MEANING.get(place), f"{str(field.description)[0].upper()}{field.description[1:]}.")))
+    allowed = str(field.description)
+    words = " ".join(filter(None, (MEANING.get(place), f"{allowed[0].upper()}{allowed[1:]}.")))
     lines = ["", *_comment(f"{name}: {words}")]
     if (inner := _table_in(field.annotation)) is not None:
         for key, own in inner.model_fields.items():
