@@ -45,7 +45,7 @@ def rule_name(rule: Rule) -> str:
 
 @dataclass(frozen=True)
 class SumOfSquares:
-    """The integrand that is the sum of squares of an expression's rows: so written, its curvature costs half as much."""
+    """The integrand that is the sum of squares of an expression's rows; its curvature then costs half as much."""
 
     rows: Expression
 
@@ -64,7 +64,8 @@ class Objective:
         scale: what a weighted sum divides it by: sum_k w_k f_k / scale_k.
         sense: ``min`` or ``max``.
         eq: equation of the source.
-        integrand: of the state, best a ``SumOfSquares`` where it is one; the objective is sum_k T_k sum_r w_r integrand(state(k, u_r)).
+        integrand: of the state, best a ``SumOfSquares`` where it is one; the objective is
+            sum_k T_k sum_r w_r integrand(state(k, u_r)).
         quadrature: the rule ((u_r, w_r), ..) on a segment of unit length; ``GAUSS`` if not given.
         of_variables: (x, p) -> scalar.
         variation: of the state, linear in q; the objective is the total variation of its rows, sum_r int |dg_r/dt| dt.

@@ -14,8 +14,8 @@ from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.formulation.requirements import Expression, state_function
 from ocp_traj.robot.robot import Robot
 
-# Of integrals of efforts, by the number of pieces from one via point to the next: along motions of a Panda and a UR5 the
-# error is below 1e-6 with so many nodes from two pieces on, and below 1e-3 with one.
+# Of integrals of efforts, by the number of pieces from one via point to the next: along motions of a Panda and a UR5
+# the error is below 1e-6 with so many nodes from two pieces on, and below 1e-3 with one.
 NODES = {1: 10, 2: 8, 4: 6, 8: 5}
 WORST_TIME, WORST = 3.0, 5.0  # times what the first guess takes, and of the others what it has: our choice
 
