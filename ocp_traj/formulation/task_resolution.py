@@ -11,7 +11,19 @@ import pinocchio as pin
 
 from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError
-from ocp_traj.formulation.task import Derivatives, Held, MoveTable, Placement, RobotTable, Source, Task, Units, share_of
+from ocp_traj.formulation.task import (
+    TOOL_WAYS,
+    Derivatives,
+    Held,
+    MoveTable,
+    Placement,
+    RobotTable,
+    Source,
+    Task,
+    Units,
+    share_of,
+)
+from ocp_traj.formulation.tool_moves import resolved_tool_move
 from ocp_traj.paths.path_points import read_points
 from ocp_traj.robot.descriptions import description_urdf
 from ocp_traj.robot.dh import robot_of_rows
@@ -58,11 +70,21 @@ def resolve(task: Task, folder: Path) -> Task:
         if move.goal is not None and (move.start is None) != (i > 0):
             words = "has goal without start; give both" if i == 0 else "has start, but begins where the one before ends"
             raise InputError(f"{task.name}: [[move]] {i + 1} {words}, or give via")
-    moves = [_resolved_move(move, task, folder, robot, factor, length) for move in task.move]
+    moves: list[MoveTable] = []
+    for i, move in enumerate(task.move):
+        if any(getattr(move, way) is not None for way in TOOL_WAYS) or move.tool_path is not None:
+            before, place = np.array(moves[-1].via[-1]) if moves and moves[-1].via else None, f"[[move]] {i + 1}"
+            move = resolved_tool_move(move, robot, before, angle, length, f"{task.name}: {place}")
+            moves.append(move.model_copy(update={"payload": _resolved_held(move.payload, length)}))
+        else:
+            moves.append(_resolved_move(move, task, folder, robot, factor, length))
     payload = _resolved_held(task.robot.payload, length)
+    waived = dict.fromkeys(QUANTITIES)
+    if task.limits.tool_speed is not None:
+        waived["tool_speed"] = task.limits.tool_speed * length
     changed = {
         "units": Units(), "robot": RobotTable(numbers=to_numbers(robot), payload=payload),
-        "limits": task.limits.model_copy(update={name: None for name in QUANTITIES}), "move": moves,
+        "limits": task.limits.model_copy(update=waived), "move": moves,
         "source": task.source or Source(file="code", sha256=""),
     }  # fmt: skip
     return task.model_copy(update=changed)
