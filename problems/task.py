@@ -39,7 +39,7 @@ from ocp_traj.formulation.task import Task
 from ocp_traj.formulation.task_file import read_task, task_of
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_resolution import resolve
-from ocp_traj.formulation.tool_limits import enough_pieces, tool_limits, tool_speed_limit
+from ocp_traj.formulation.tool_limits import enough_pieces, tool_limits, tool_speed_limit, tool_tuning
 from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.paths.joint_path import JointPath
 from ocp_traj.robot.inertias import missing_inertias, require_exact, require_inertias
@@ -94,12 +94,13 @@ def _problem(task: Task) -> Problem:
             stretches=stretches,
         )  # fmt: skip
 
+    enough = enough_pieces(robot, route, parametrised) if route.tool_moves else 1
     if kind != "auto":
-        return levels_of(parametrised, lambda _, made: _posed(task, robot, route, made), task.curve.pieces or 1)
+        number = task.curve.pieces or enough
+        return levels_of(parametrised, lambda _, made: _posed(task, robot, route, made), number, coarsest=enough)
     coarsest, usual = usual_levels(degree, stops_only=len(route.points) - 2 == len(route.stops))
     if route.tool_moves:
-        coarsest = enough_pieces(robot, route, parametrised, most=max(usual, task.curve.finest))
-        usual = max(usual, 2 * coarsest)
+        coarsest, usual = enough, max(usual, 2 * enough)
     pieces, finest = min(coarsest, task.curve.finest), min(usual, task.curve.finest)
     fixed = next(kind for kind, own in DEGREES.items() if own == degree)
 
@@ -157,11 +158,12 @@ def _posed(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Pro
     if task.objective.front is not None:
         worst |= task.objective.front.reference
     objectives, default = _minimised(task, objectives)
+    tuning = Tuning(task.solve.starts, hull_rows=hull, solver_options=SOLVER_OPTIONS, **tool_tuning(route, limits))
     problem = Problem(
         ID, made.variables, made.curve, objectives, _requirements(task, robot, route, made, limits), made.guess, task,
         robot, parameters=lambda x: casadi.SX(mass), default_objective=default, dilate=made.dilate,
         scales_in_time=made.scales_in_time, reference_point=worst,
-        tuning=Tuning(starts=task.solve.starts, hull_rows=hull, solver_options=SOLVER_OPTIONS),
+        tuning=tuning,
         about=About(title=task.name, curve_kind=f"{task.curve.kind}, {len(made.legs)} legs"),
     )  # fmt: skip
     return standard.free_payload(problem, 1e3, 1.0) if task.free_payload else problem

@@ -23,9 +23,12 @@ POSITION, PROGRESS, TILT, SPEED, CONSTANT = (
     "tool-speed",
     "tool-speed-band",
 )
-PIECES = (1, 2, 4, 8, 16, 32, 64)  # of a leg, that are tried: our choice, as all that follow
+PIECES = (2, 4, 8, 16, 32, 64)  # of a leg, that are tried: our choice, as all that follow
 CLOSE = 0.5  # of the tolerance of position: what a start may be off
 SAMPLES = 9  # of a piece
+MANY = tuple(float(u) for u in np.linspace(0.0, 1.0, 7)[1:])  # first instants of limits that rest along whole arcs
+FEW = (0.0, 0.5, 1.0)  # of the others
+MOST_EXCHANGES = 16
 
 
 def tool_speed_limit(robot: Robot, most: float) -> PathConstraint:
@@ -70,7 +73,7 @@ def tool_limits(robot: Robot, route: Route, made: Parametrisation) -> list[PathC
     return found
 
 
-def enough_pieces(robot: Robot, route: Route, parametrise: Callable[[int], Parametrisation], most: int) -> int:
+def enough_pieces(robot: Robot, route: Route, parametrise: Callable[[int], Parametrisation]) -> int:
     """How many pieces a leg it takes until the start keeps to the tool paths within ``CLOSE`` of their tolerances."""
     for count in PIECES:
         made = parametrise(count)
@@ -86,9 +89,20 @@ def enough_pieces(robot: Robot, route: Route, parametrise: Callable[[int], Param
                     states[: robot.size] = np.asarray(curve.at(k, u)).T
                     value = function.map(len(u))(states, u[None], np.zeros((0, 1)), limit.constants[k])
                     shares.append(float(np.max(value)) / float(limit.upper[0]))
-        if max(shares) <= CLOSE**2 or 2 * count > most:
+        if max(shares) <= CLOSE**2:
             break
     return count
+
+
+def tool_tuning(route: Route, limits: Sequence[PathConstraint]) -> dict[str, Any]:
+    """Fields of the problem's ``Tuning`` where there are tool paths; measured on lines, arcs and poses."""
+    if not route.tool_moves:
+        return {}
+    instants: dict[str, Sequence[float]] = {}
+    for limit in limits:
+        many = limit.id.startswith("tool-")
+        instants[limit.id] = MANY if many else () if limit.order is None else FEW
+    return {"instants": instants, "max_exchanges": MOST_EXCHANGES}
 
 
 def _name(number: int) -> str:

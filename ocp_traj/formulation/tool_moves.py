@@ -184,7 +184,7 @@ def _unplaced(move: MoveTable, path: ToolPath, angle: float, length: float) -> T
         if len(path.corners) > 1:
             s = path.ends[path.corners[1]]
             raise InputError(
-                f"at {s:.4g} m of {path.length:.4g} m along it there is a corner, of the path or of how the tool turns, "
+                f"at {s:.4g} m of {path.length:.4g} m along it is a corner, of the path or of how the tool turns, "
                 "which no constant speed takes; leave speed out, or give a move of its own to each part"
             )
         speed = given.value * length, given.band, run_up
