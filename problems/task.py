@@ -17,9 +17,12 @@ import numpy as np
 from ocp_traj.errors import InputError, nearest, quoted
 from ocp_traj.formulation import standard
 from ocp_traj.formulation.about import About
+from ocp_traj.formulation.curve_variables import variables_of
 from ocp_traj.formulation.global_cubic import global_cubic
 from ocp_traj.formulation.knot_states import SOLVER_OPTIONS, knot_states
+from ocp_traj.formulation.knots import NEAR
 from ocp_traj.formulation.levels import levels_of, usual_levels
+from ocp_traj.formulation.move_path import retimed_path, retimed_pieces
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.formulation.problem import Problem
@@ -36,12 +39,11 @@ from ocp_traj.formulation.retiming import retiming
 from ocp_traj.formulation.route import Route, route_of
 from ocp_traj.formulation.stretches import stretches_of
 from ocp_traj.formulation.task import Task
-from ocp_traj.formulation.task_file import read_task, task_of
+from ocp_traj.formulation.task_file import changed, read_task, task_of, told
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_resolution import resolve
 from ocp_traj.formulation.tool_limits import enough_pieces, tool_limits, tool_speed_limit, tool_tuning
 from ocp_traj.formulation.tuning import Tuning
-from ocp_traj.paths.joint_path import JointPath
 from ocp_traj.robot.inertias import missing_inertias, require_exact, require_inertias
 from ocp_traj.robot.numbers import from_numbers
 from ocp_traj.robot.payload import ToolPayload
@@ -49,7 +51,6 @@ from ocp_traj.robot.robot import Robot
 
 ID = "task"
 DEGREES = {"quintic": 5, "septic": 7, "nonic": 9}
-RETIMED = 16  # pieces a leg of a path that is retimed: our choice, within 0.2 % of what more would give
 COST = "cost"  # id of the weighted sum that a task minimises
 REST_TOLERANCE = 1e-9  # of given derivatives at the ends, as of rest
 
@@ -57,12 +58,20 @@ Case = Task
 
 
 def make(id: str, changes: Mapping[str, Any]) -> Task:
-    """A resolved task: of the file ``file``, with values by dotted place, or of all its fields."""
+    """A resolved task: of the file ``file`` or of ``task``, with values by dotted place, or of all its fields."""
     given = dict(changes)
-    file = given.pop("file", None)
+    file, task = given.pop("file", None), given.pop("task", None)
+    if task is not None:
+        if file is not None or not isinstance(task, Task):
+            raise InputError(f"task is {quoted(task)}; give a Task, and no file beside it")
+        return resolve(changed(task, given), Path())
     if file is None:
         return resolve(task_of(given), Path())
-    return resolve(read_task(file, given), Path(file).parent)
+    task = read_task(file, given)
+    try:
+        return resolve(task, Path(file).parent)
+    except InputError as error:
+        raise told(error, task.name, file) from error
 
 
 def build(task: Task) -> Problem:
@@ -77,8 +86,8 @@ def _problem(task: Task) -> Problem:
     if kind == "cubic":
         return _posed(task, robot, route, global_cubic(route.points, robot.limits))
     if kind == "retime":
-        path = JointPath.through(route.points, robot.joints)
-        made = retiming(path, robot.limits, pieces=task.curve.pieces or RETIMED, rest=rest)
+        path = retimed_path(task, route, robot.joints, robot.limits)
+        made = retiming(path, robot.limits, pieces=retimed_pieces(task, path.curve.segments), rest=rest)
         return _posed(task, robot, route, made)
     degree = DEGREES.get(kind) or (5 if robot.limits.bounds("snap") is None else 7)
     stretches = [
@@ -122,7 +131,9 @@ def _check_curve(task: Task) -> None:
     if any(move.tool_path is not None for move in task.move):
         raise InputError(f"{name}: a {kind} curve goes through points; for tool paths take auto, quintic or septic")
     if len(task.move) > 1 or task.move[0].begin or task.move[0].end or np.any(task.move[0].tolerance):
-        raise InputError(f"{name}: a {kind} curve is one [[move]] from rest to rest, without tolerance; take auto")
+        raise InputError(
+            f"{name}: [curve] kind: a {kind} curve is one move from rest to rest, without tolerance; take auto"
+        )
     if kind == "cubic" and task.curve.rest != 2:
         raise InputError(f"{name}: [curve] rest is {task.curve.rest}; a cubic rests to the 2nd derivative: give 2")
 
@@ -162,6 +173,7 @@ def _posed(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Pro
     problem = Problem(
         ID, made.variables, made.curve, objectives, _requirements(task, robot, route, made, limits), made.guess, task,
         robot, parameters=lambda x: casadi.SX(mass), default_objective=default, dilate=made.dilate,
+        variables_of=lambda motion: variables_of(made, motion.curve),
         scales_in_time=made.scales_in_time, reference_point=worst,
         tuning=tuning,
         about=About(title=task.name, curve_kind=f"{task.curve.kind}, {len(made.legs)} legs"),
@@ -174,10 +186,11 @@ def _minimised(task: Task, objectives: tuple[Objective, ...]) -> tuple[tuple[Obj
     wanted, front = task.objective.minimise, task.objective.front
     weights = {wanted: 1.0} if isinstance(wanted, str) else wanted
     known = {o.id: o for o in objectives}
-    for name in (*weights, *(() if front is None else (*front.objectives, *front.reference))):
+    traded = {} if front is None else {"front.objectives": front.objectives, "front.reference": front.reference}
+    for key, name in ((key, name) for key, names in ({"minimise": weights} | traded).items() for name in names):
         if name not in known:
             raise InputError(
-                f"{task.name}: [objective] there is no objective {quoted(name)}{nearest(name, known)}; give of "
+                f"{task.name}: [objective] {key}: there is no objective {quoted(name)}{nearest(name, known)}; give of "
                 f"{', '.join(known)}"
             )
     if isinstance(wanted, str):
@@ -212,7 +225,7 @@ def _requirements(
         low, high = (route.points[inner] + sign * route.tolerance[inner] for sign in (-1.0, 1.0))
         places = tuple(made.knots[i] for i in inner)
         points.append(
-            PointConstraint("near", lambda s: s.q, places, low, high, robot.units, robot.joints, structural=True)
+            PointConstraint(NEAR, lambda s: s.q, places, low, high, robot.units, robot.joints, structural=True)
         )
     exact = np.flatnonzero(~loose).tolist()
     points.append(standard.via_points(route.points[exact], tuple(made.knots[i] for i in exact), *axes))

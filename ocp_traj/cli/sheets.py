@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ocp_traj.cli.console import Rows, Sheet
+from ocp_traj.cli.solution_tables import conflict_table, conflict_values, gain_tables, gain_values
 from ocp_traj.display import count
 
 if TYPE_CHECKING:  # a list of problems needs none of them
@@ -151,17 +152,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         "starts": solution.starts,
         "given_up": solution.given_up,
         "moved": solution.moved,
-        "conflicts": [
-            {
-                "limit": c.row.limit,
-                "label": c.row.label,
-                "value": c.value,
-                "bound": c.bound,
-                "excess": c.excess,
-                "unit": c.row.unit,
-            }
-            for c in solution.conflicts
-        ],
+        "conflicts": conflict_values(solution.conflicts),
         "certificate": None
         if solution.certificate is None
         else {**vars(solution.certificate), "gap": solution.certificate.gap},
@@ -170,6 +161,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         "interrupted": solution.interrupted,
         "notes": list(problem.about.notes),
         "figures": [{"name": n, "value": v, "unit": u} for n, v, u in figures],
+        "gains": gain_values(solution.gains),
     }
     if solution.alternatives:
         data["alternatives"] = [
@@ -193,10 +185,9 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
             (title, ["objective", "value", "unit"], [[k, f"{v:.9g}", units[k]] for k, v in solution.objectives.items()])
         )
         tables.append(_variable_table(problem, solution))
-        tables += _audit_tables(solution.audit)
+        tables += [*gain_tables(solution.gains), *_audit_tables(solution.audit)]
     elif solution.conflicts:
-        rows_ = [[c.row.limit, c.row.label, c.value, c.bound, c.excess, c.row.unit] for c in solution.conflicts]
-        tables.append((title, ["limit", "joint", "value", "allowed", "excess", "unit"], rows_))
+        tables.append(conflict_table(title, solution.conflicts))
     if figures:
         tables.append(("Figures", ["figure", "value", "unit"], [[n, f"{v:.5g}", u] for n, v, u in figures]))
     names = [f"{o.id} [{o.unit}]" for o in problem.objectives]

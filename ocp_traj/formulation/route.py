@@ -57,16 +57,16 @@ def route_of(task: Task, joints: int) -> Route:
             free += range(first + 1, len(points) - 1)
         last = i == len(task.move) - 1
         if last and move.dwell:
-            raise InputError(f"{task.name}: the last [[move]] has a dwell; there is nothing after it: leave it out")
+            raise InputError(f"{task.name}: [[move]] {i + 1}: dwell is after the last move; leave it out")
         if not last and move.stop and len(points) > 1:
             stops.append(len(points) - 1)
         if move.dwell:
             dwells[len(points) - 1] = move.dwell
         for side, own in (("begin", i == 0), ("end", last)):
             if getattr(move, side) is not None and not own:
-                raise InputError(f"{task.name}: [[move]] {i + 1} has {side}, which only an end of the whole has")
+                raise InputError(f"{task.name}: [[move]] {i + 1}: {side} is what only an end of the whole has")
     if len(points) < 2:
-        raise InputError(f"{task.name}: there is one point in all; give two or more, or start and goal")
+        raise InputError(f"{task.name}: [[move]] 1 has the only point; give two or more, or start and goal")
     given = [move.tolerance for move in task.move if move.tool_path is None]
     tolerances = [np.broadcast_to(np.asarray(one, dtype=float), (joints,)) for one in given]
     if any(not np.array_equal(one, tolerances[0]) for one in tolerances):

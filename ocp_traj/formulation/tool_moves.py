@@ -100,9 +100,7 @@ class ToolMove:
         return np.append(np.concatenate(inner), self.path.length)
 
 
-def resolved_tool_move(
-    move: MoveTable, robot: Robot, before: Array | None, angle: float, length: float, place: str
-) -> MoveTable:
+def resolved_tool_move(move: MoveTable, robot: Robot, before: Array | None, angle: float, length: float) -> MoveTable:
     """A move along a tool path as sections and postures, in SI.
 
     Args:
@@ -111,27 +109,20 @@ def resolved_tool_move(
         before: posture ``(n,)`` at which the move before ends; None for the first.
         angle: unit of the task [rad].
         length: likewise [m].
-        place: of the move, as complaints name it.
     """
     if move.tool_path is not None:
-        raise InputError(f"{place} has a tool_path, which a resolved task alone has; give line, arc or poses")
+        raise InputError("tool_path is what a resolved task alone has; give line, arc or poses")
     if move.begin is not None or move.end is not None:
-        raise InputError(f"{place} goes along a tool path, which begins and ends at rest; leave begin and end out")
-    start = _start(move, robot, before, angle, length, place)
+        raise InputError("begin or end is of a move along joints; a tool path begins and ends at rest: leave it out")
+    start = _start(move, robot, before, angle, length)
     ik = InverseKinematics(robot, move.free_turn)
     frames = _Frames(angle, length)
-    try:
-        here = None if start is None else ik.pose(start)
-        path = frames.path(move, here)
-        made = _unplaced(move, path, angle, length)
-        followed = _followed(ik, path, start)
-        postures = followed.at(made.places, ik, path)
-    except InputError as error:
-        raise InputError(f"{place}: {error}") from error
+    here = None if start is None else ik.pose(start)
+    path = frames.path(move, here)
+    made = _unplaced(move, path, angle, length)
+    followed = _followed(ik, path, start)
+    postures = followed.at(made.places, ik, path)
     postures[0] = followed.q[0] if start is None else start
-    wide = f"{place} asks for a tolerance of position of {made.position:g} m"
-    if made.position >= 0.5 * path.length:
-        raise InputError(f"{wide} on a path of {path.length:g} m; give less than half of that")
     tables = [_section_table(section) for section in path.sections]
     first = path.at(0.0)
     x, y, z, w = pin.Quaternion(first.rotation).coeffs()
@@ -146,22 +137,21 @@ def resolved_tool_move(
     return move.model_copy(update=changed)
 
 
-def _start(
-    move: MoveTable, robot: Robot, before: Array | None, angle: float, length: float, place: str
-) -> Array | None:
+def _start(move: MoveTable, robot: Robot, before: Array | None, angle: float, length: float) -> Array | None:
     """The posture where the move begins ``(n,)``; None where the first of poses decides."""
     if before is not None:
         if move.start is not None:
-            raise InputError(f"{place} has start, but begins where the one before ends; leave it out")
+            raise InputError(
+                "start is of the first move alone; this one begins where the one before ends: leave it out"
+            )
         return np.asarray(before, dtype=float)
     if move.start is None:
         if move.poses is None:
-            raise InputError(f"{place} has no start; give the joints at which it begins, or poses")
+            raise InputError("start is missing; give the joints at which it begins, or poses, which begin at the first")
         return None
     if len(move.start) != robot.size:
         raise InputError(
-            f"{place}: its start has {len(move.start)} coordinates; the robot has {robot.size} joints: "
-            f"{', '.join(robot.joints)}"
+            f"start has {len(move.start)} coordinates; the robot has {robot.size} joints: {', '.join(robot.joints)}"
         )
     return np.array(move.start) * [angle if unit == "rad" else length for unit in robot.units]
 
@@ -170,6 +160,10 @@ def _unplaced(move: MoveTable, path: ToolPath, angle: float, length: float) -> T
     """The move but for its postures."""
     assert isinstance(move.tolerance, ToleranceTable)
     position, tilt = move.tolerance.position * length, move.tolerance.tilt * angle
+    if not position < 0.5 * path.length:
+        raise InputError(
+            f"its tolerance of position is {position:g} m, on a path of {path.length:g} m; give less than half of that"
+        )
     if not tilt < np.pi:
         raise InputError(f"its tolerance of tilt is {tilt:g} rad; give less than a half turn")
     speed = None

@@ -10,6 +10,7 @@ import pandas as pd
 
 from ocp_traj.display import Shown, count
 from ocp_traj.proof.verdicts import Audit
+from ocp_traj.results.limit_gains import LimitGain
 from ocp_traj.results.trajectory import Trajectory
 from ocp_traj.rounding import rounded_down, rounded_up
 from ocp_traj.transcription.instants import Instant
@@ -68,6 +69,7 @@ class Solution(Shown, NLPResult):
         interrupted: what Ctrl-C left undone, such as "after 3 of 40 starts"; empty where nothing was.
         certificate: of global optimality, where one was asked for.
         history: of a population, a row a generation.
+        gains: what each limit costs, largest first, where a local solver ended in an optimum.
     """
 
     objectives: Mapping[str, float] = field(default_factory=dict)
@@ -83,6 +85,7 @@ class Solution(Shown, NLPResult):
     interrupted: str = ""
     certificate: Certificate | None = None
     history: pd.DataFrame | None = None
+    gains: tuple[LimitGain, ...] = ()
 
     @classmethod
     def of(cls, result: NLPResult, **more: Any) -> Self:
