@@ -43,6 +43,7 @@ from ocp_traj.formulation.task_file import changed, read_task, task_of, told
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_resolution import resolve
 from ocp_traj.formulation.tool_limits import enough_pieces, tool_limits, tool_speed_limit, tool_tuning
+from ocp_traj.formulation.tool_words import tool_figures, tool_notes
 from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.robot.inertias import missing_inertias, require_exact, require_inertias
 from ocp_traj.robot.numbers import from_numbers
@@ -129,7 +130,7 @@ def _check_curve(task: Task) -> None:
     if kind not in ("cubic", "retime"):
         return
     if any(move.tool_path is not None for move in task.move):
-        raise InputError(f"{name}: a {kind} curve goes through points; for tool paths take auto, quintic or septic")
+        raise InputError(f"{name}: [curve] kind: a {kind} curve goes through points; for tool paths take auto")
     if len(task.move) > 1 or task.move[0].begin or task.move[0].end or np.any(task.move[0].tolerance):
         raise InputError(
             f"{name}: [curve] kind: a {kind} curve is one move from rest to rest, without tolerance; take auto"
@@ -176,7 +177,11 @@ def _posed(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Pro
         variables_of=lambda motion: variables_of(made, motion.curve),
         scales_in_time=made.scales_in_time, reference_point=worst,
         tuning=tuning,
-        about=About(title=task.name, curve_kind=f"{task.curve.kind}, {len(made.legs)} legs"),
+        about=About(
+            title=task.name, curve_kind=f"{task.curve.kind}, {len(made.legs)} legs",
+            notes=tool_notes(route, sum(len(v.labels) for v in made.variables), len(made.legs[0])),
+            figures=tool_figures(robot.size, limits),
+        ),
     )  # fmt: skip
     return standard.free_payload(problem, 1e3, 1.0) if task.free_payload else problem
 

@@ -480,8 +480,9 @@ class MoveTable(Table):
         if not tool:
             if isinstance(self.tolerance, ToleranceTable):
                 raise ValueError(f"has a tolerance of a tool path and goes by {ways[0]}; give a number, or a list")
-            if self.free_turn or self.speed is not None:
-                raise ValueError(f"has free_turn or speed, which are of a tool path; give {', '.join(TOOL_WAYS)}")
+            for name in ("free_turn", "speed"):
+                if getattr(self, name):
+                    raise ValueError(f"{name} is of a tool path; leave it out, or give one of {', '.join(TOOL_WAYS)}")
         return self
 
 

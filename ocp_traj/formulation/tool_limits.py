@@ -88,7 +88,7 @@ def enough_pieces(robot: Robot, route: Route, parametrise: Callable[[int], Param
                     states = np.zeros((5 * robot.size, len(u)))
                     states[: robot.size] = np.asarray(curve.at(k, u)).T
                     value = function.map(len(u))(states, u[None], np.zeros((0, 1)), limit.constants[k])
-                    shares.append(float(np.max(value)) / float(limit.upper[0]))
+                    shares.append(float(np.array(value).max() / limit.upper[0]))
         if max(shares) <= CLOSE**2:
             break
     return count

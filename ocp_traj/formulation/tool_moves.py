@@ -30,6 +30,7 @@ from ocp_traj.robot.robot import Robot
 ROWS = 8  # postures a leg from one via point to the next: our choice, as all that follow
 RUN_UP = 0.1  # share of the path in which the speed is free at either end, where nothing is said
 OPPOSITE = 1e-3  # [rad] a turn of the tool this near to a half turn has no shorter way
+STILL = 1e-9  # [rad] a turn of the tool below which it does not turn
 HERE = 1e-6  # [m, rad] a first pose this near to where the tool is begins the path
 
 
@@ -279,6 +280,8 @@ def _fields(section: Section) -> tuple[Any, ...]:
 def _turn(here: pin.SE3, rotation: Array) -> Array:
     """The shortest rotation vector ``(3,)`` in the world from a frame to a rotation [rad]."""
     turn = np.asarray(pin.log3(rotation @ here.rotation.T))
+    if np.linalg.norm(turn) < STILL:
+        return np.zeros(3)
     if np.linalg.norm(turn) > np.pi - OPPOSITE:
         raise InputError("the tool would turn by a half turn, either way; give a pose between")
     return turn

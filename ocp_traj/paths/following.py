@@ -26,13 +26,17 @@ SAMPLES = 9  # of a path at least, ends included
 
 
 class Unreachable(InputError):
-    """A place of a tool path that an arm does not reach, or not well; ``share`` of the path is reached."""
+    """A place of a tool path that an arm does not reach, or not well."""
 
-    def __init__(self, path: ToolPath, s: float, reason: str) -> None:
-        """Puts the place and the reason into words."""
+    share = 0.0  # of the path that is reached
+
+    @classmethod
+    def on(cls, path: ToolPath, s: float, reason: str) -> Unreachable:
+        """The place at a length of path [m] and the reason, in words."""
         x, y, z = (round(float(c), 6) + 0.0 for c in path.at(s).translation)
-        super().__init__(f"at {s:.4g} m of {path.length:.4g} m along it, at ({x:.4g}, {y:.4g}, {z:.4g}) m: {reason}")
-        self.share = s / path.length
+        found = cls(f"at {s:.4g} m of {path.length:.4g} m along it, at ({x:.4g}, {y:.4g}, {z:.4g}) m: {reason}")
+        found.share = s / path.length
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +64,7 @@ class Followed:
             near = self.q[int(np.argmin(np.abs(self.s - s)))]
             reached = ik.reach(path.at(float(s)), near)
             if not reached.found:
-                raise Unreachable(path, float(s), _reason(ik, path, float(s), near))
+                raise Unreachable.on(path, float(s), _reason(ik, path, float(s), near))
             rows.append(reached.q)
         return np.array(rows)
 
@@ -86,13 +90,13 @@ def follow(ik: InverseKinematics, path: ToolPath, start: Array) -> Followed:
         elif s - here > NARROWEST * path.length:
             ahead.append((s + here) / 2.0)
         elif reached.found or (again := ik.reach(path.at(s), q)).found and np.abs(again.q - q).max() > STEP:
-            raise Unreachable(path, s, "a singular posture, past which the joints would have to jump")
+            raise Unreachable.on(path, s, "a singular posture, past which the joints would have to jump")
         else:
-            raise Unreachable(path, s, _reason(ik, path, s, q))
+            raise Unreachable.on(path, s, _reason(ik, path, s, q))
     s_, q_ = np.array(places), np.array(postures)
     least, at = _least_singular(ik, path, s_, q_)
     if least < SINGULAR:
-        raise Unreachable(
+        raise Unreachable.on(
             path, at, f"a singular posture: the least singular value of the tool's Jacobian is {least:.2g}, less than "
             f"{SINGULAR:g} (m and rad alike); the tool can hardly move some way there"
         )  # fmt: skip
@@ -110,7 +114,7 @@ def best_branch(ik: InverseKinematics, path: ToolPath, rng: np.random.Generator,
     """
     branches = ik.branches(path.at(0.0), rng)
     if not branches:
-        raise Unreachable(path, 0.0, _reason(ik, path, 0.0, np.clip(np.zeros(ik.robot.size), *ik.ranges)))
+        raise Unreachable.on(path, 0.0, _reason(ik, path, 0.0, np.clip(np.zeros(ik.robot.size), *ik.ranges)))
     found: list[tuple[float, Followed]] = []
     failures: list[Unreachable] = []
     tried = branches[:MOST_BRANCHES]
