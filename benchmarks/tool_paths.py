@@ -69,7 +69,7 @@ def task(robot: str, path: str, tolerance: float, free_turn: bool, constant: boo
     return {
         "name": f"{robot}-{path}", "robot": ROBOTS[robot],
         "limits": {"acceleration": 8.0, "jerk": 60.0, "tool_speed": 0.25},
-        "curve": {"kind": "auto", "finest": 8, "gain": 0.05}, "move": moves,
+        "curve": {"kind": "auto", "finest": 2 if constant else 4}, "move": moves,
     }  # fmt: skip
 
 

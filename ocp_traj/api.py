@@ -16,6 +16,7 @@ from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound, cut, quoted
 from ocp_traj.formulation.problem import Decomposition, Problem
 from ocp_traj.formulation.scalarise import Scalarisation, WeightedSum, check_names
+from ocp_traj.formulation.task import Task
 from ocp_traj.io.start_file import earlier_results
 from ocp_traj.io.store import Run, request
 from ocp_traj.progress import Progress, silent
@@ -83,6 +84,7 @@ def solve(
         start: an earlier result to begin from, in place of random starts: a trajectory, its file, or a run folder, the
             best of whose points is taken. It need not keep this problem's limits; a curve of fewer pieces will do.
         all_optima: whether ``solution.optima`` lists every distinct local optimum; ``OPTIMA_STARTS`` if not given.
+            Of a problem with levels those of the problem itself: it is not refined, and ``detail`` says so.
         solver: of each start of exchange.
         certify: whether to prove global optimality by branch and bound, and to look for a better optimum where that
             fails; by default where it applies, which is to what exchange finds for the shortest time of few durations.
@@ -171,6 +173,9 @@ def _solve(
         else:
             by_levels = problem.levels is not None and not all_optima
             found = (ByLevels(many, progress=all_) if by_levels else many).solve(problem, scalar)
+            if problem.levels is not None and all_optima:
+                words = f"all optima are of this one level, of {problem.size} variables; no finer one was looked at"
+                found = replace(found, detail=f"{found.detail}; {words}")
         problem = finest(problem, found)
         found = replace(found, gains=limit_gains(problem, scalar, found))
     proved = found.audit is not None and found.audit.proved
@@ -406,7 +411,7 @@ def _with_free_payload(problem: Problem) -> Problem:
     """The problem with its payload among its variables and its objectives."""
     if any(objective.id == PAYLOAD_MASS for objective in problem.objectives):
         return problem
-    if problem.id not in problems.names():
+    if problem.id not in problems.names() and not isinstance(problem.case, Task):
         raise InputError(
             f"{problem.id} has no objective {PAYLOAD_MASS!r}: give it the payload as a variable and as that objective"
         )
@@ -433,6 +438,5 @@ def payload(
     if trajectory is not None:
         return along(problem, trajectory)
     if max_time is not None:
-        solver = Multistart(Exchange(), starts, seed, progress=progress)
-        return within(_with_free_payload(problem), max_time, solver)
+        return within(_with_free_payload(problem), max_time, Multistart(Exchange(), starts, seed), progress)
     return static_bound(problem)

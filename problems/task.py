@@ -1,13 +1,14 @@
 """A user's own robot and path: the problem of a task file, ``ocp-traj/task/1``.
 
 Decision variables  of the task's curve: durations, and states at knots; the payload's mass where it is freed
-Objectives          time, energy, effort, movement, acceleration, jerk; a weighted sum of them
+Objectives          time, work, energy, effort, movement, acceleration, jerk; a weighted sum of them
 Subject to          the limits of the task, rest or given derivatives at the ends, its points
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,6 @@ from ocp_traj.formulation.requirements import (
     PathConstraint,
     PointConstraint,
     Requirements,
-    State,
 )
 from ocp_traj.formulation.retiming import retiming
 from ocp_traj.formulation.route import Route, route_of
@@ -41,17 +41,19 @@ from ocp_traj.formulation.stretches import stretches_of
 from ocp_traj.formulation.task import Task
 from ocp_traj.formulation.task_file import changed, read_task, task_of, told
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
+from ocp_traj.formulation.task_payload import carried
 from ocp_traj.formulation.task_resolution import resolve
 from ocp_traj.formulation.tool_limits import enough_pieces, tool_limits, tool_speed_limit, tool_tuning
 from ocp_traj.formulation.tool_words import tool_figures, tool_notes
 from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.robot.inertias import missing_inertias, require_exact, require_inertias
 from ocp_traj.robot.numbers import from_numbers
-from ocp_traj.robot.payload import ToolPayload
 from ocp_traj.robot.robot import Robot
 
 ID = "task"
 DEGREES = {"quintic": 5, "septic": 7, "nonic": 9}
+HEAVIEST, LIKELY = 1e3, 1.0  # of a payload that is freed, at most and of random starts [kg]: our choice
+PAYLOAD = "payload_mass"  # id of its objective
 COST = "cost"  # id of the weighted sum that a task minimises
 REST_TOLERANCE = 1e-9  # of given derivatives at the ends, as of rest
 
@@ -88,7 +90,8 @@ def _problem(task: Task) -> Problem:
         return _posed(task, robot, route, global_cubic(route.points, robot.limits))
     if kind == "retime":
         path = retimed_path(task, route, robot.joints, robot.limits)
-        made = retiming(path, robot.limits, pieces=retimed_pieces(task, path.curve.segments), rest=rest)
+        pieces = retimed_pieces(task, path.curve.segments)
+        made = retiming(path, robot.limits, pieces=pieces, rest=rest, units=robot.units)
         return _posed(task, robot, route, made)
     degree = DEGREES.get(kind) or (5 if robot.limits.bounds("snap") is None else 7)
     stretches = [
@@ -109,9 +112,9 @@ def _problem(task: Task) -> Problem:
         number = task.curve.pieces or enough
         return levels_of(parametrised, lambda _, made: _posed(task, robot, route, made), number, coarsest=enough)
     coarsest, usual = usual_levels(degree, stops_only=len(route.points) - 2 == len(route.stops))
-    if route.tool_moves:
-        coarsest, usual = enough, max(usual, 2 * enough)
     pieces, finest = min(coarsest, task.curve.finest), min(usual, task.curve.finest)
+    if route.tool_moves:  # fewer do not keep to the path
+        pieces, finest = enough, max(enough, min(max(usual, 2 * enough), task.curve.finest))
     fixed = next(kind for kind, own in DEGREES.items() if own == degree)
 
     def posed(count: int, made: Parametrisation) -> Problem:
@@ -139,22 +142,10 @@ def _check_curve(task: Task) -> None:
         raise InputError(f"{name}: [curve] rest is {task.curve.rest}; a cubic rests to the 2nd derivative: give 2")
 
 
-def _effort(task: Task, robot: Robot) -> tuple[Expression, float]:
-    """The actuators' efforts with the payload's mass as the parameter, and that mass [kg]."""
-    held, *others = (move.payload or task.robot.payload for move in task.move)
-    if any(other != held for other in others):
-        raise InputError(f"{task.name}: moves with different payloads are not built in this version; give one payload")
-    com, inertia, mass = ((0.0, 0.0, 0.0), None, 0.0) if held is None else (held.com, held.inertia, held.mass)
-
-    def effort(s: State) -> Any:
-        return robot.effort(s.q, s.v, s.a, payload=ToolPayload(s.p[0], com, inertia))
-
-    return effort, mass if task.payload is None else task.payload
-
-
 def _posed(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Problem:
     axes = robot.joints, robot.units
-    effort, mass = _effort(task, robot)
+    load = carried(task, robot, route, made)
+    masses = np.array([load.mass] if load.mass is not None else [])
     limits = [*standard.joint_limits(robot.limits, *axes), *made.limits]
     limits += tool_limits(robot, route, made)
     if task.limits.tool_speed is not None:
@@ -163,27 +154,29 @@ def _posed(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Pro
     pair = robot.limits.bounds("effort")
     if pair is not None and np.isfinite(pair).any():
         require_inertias(robot.model, f"{task.name}: a limit on effort")
-        require_exact(robot.model, robot.tool.translation, mass, pair, f"{task.name}: [limits] effort")
-        limits.append(standard.effort_limit(effort, np.array(pair), robot.effort_units, robot.joints))
-    objectives = objectives_of(robot, None if missing_inertias(robot.model) else effort, made)
-    worst = worst_values(objectives, made, robot.size, mass)
+        require_exact(robot.model, robot.tool.translation, load.heaviest, pair, f"{task.name}: [limits] effort")
+        limit = standard.effort_limit(load.effort, np.array(pair), robot.effort_units, robot.joints)
+        limits.append(replace(limit, constants=load.constants))
+    objectives = objectives_of(robot, None if missing_inertias(robot.model) else load, made)
+    worst = worst_values(objectives, made, robot.size, masses)
     if task.objective.front is not None:
         worst |= task.objective.front.reference
-    objectives, default = _minimised(task, objectives)
-    tuning = Tuning(task.solve.starts, hull_rows=hull, solver_options=SOLVER_OPTIONS, **tool_tuning(route, limits))
+    wanted = _requirements(task, robot, route, made, limits, load.parameters)
     problem = Problem(
-        ID, made.variables, made.curve, objectives, _requirements(task, robot, route, made, limits), made.guess, task,
-        robot, parameters=lambda x: casadi.SX(mass), default_objective=default, dilate=made.dilate,
-        variables_of=lambda motion: variables_of(made, motion.curve),
-        scales_in_time=made.scales_in_time, reference_point=worst,
-        tuning=tuning,
+        ID, made.variables, made.curve, objectives, wanted, made.guess, task, robot,
+        parameters=lambda x: casadi.SX(masses), dilate=made.dilate, scales_in_time=made.scales_in_time,
+        variables_of=lambda motion: variables_of(made, motion.curve), reference_point=worst,
         about=About(
             title=task.name, curve_kind=f"{task.curve.kind}, {len(made.legs)} legs",
             notes=tool_notes(route, sum(len(v.labels) for v in made.variables), len(made.legs[0])),
             figures=tool_figures(robot.size, limits),
         ),
+        tuning=Tuning(task.solve.starts, hull_rows=hull, solver_options=SOLVER_OPTIONS, **tool_tuning(route, limits)),
     )  # fmt: skip
-    return standard.free_payload(problem, 1e3, 1.0) if task.free_payload else problem
+    if task.free_payload:
+        problem = replace(standard.free_payload(problem, HEAVIEST, LIKELY), reference_point=worst | {PAYLOAD: 0.0})
+    objectives, default = _minimised(task, problem.objectives)
+    return replace(problem, objectives=objectives, default_objective=default)
 
 
 def _minimised(task: Task, objectives: tuple[Objective, ...]) -> tuple[tuple[Objective, ...], str]:
@@ -192,20 +185,27 @@ def _minimised(task: Task, objectives: tuple[Objective, ...]) -> tuple[tuple[Obj
     weights = {wanted: 1.0} if isinstance(wanted, str) else wanted
     known = {o.id: o for o in objectives}
     traded = {} if front is None else {"front.objectives": front.objectives, "front.reference": front.reference}
+    freed = " (payload_mass is one where free_payload = true)" if PAYLOAD not in known else ""
     for key, name in ((key, name) for key, names in ({"minimise": weights} | traded).items() for name in names):
         if name not in known:
             raise InputError(
                 f"{task.name}: [objective] {key}: there is no objective {quoted(name)}{nearest(name, known)}; give of "
-                f"{', '.join(known)}"
+                f"{', '.join(known)}{freed}"
             )
     if isinstance(wanted, str):
         return objectives, wanted
-    terms = {name: weight / known[name].scale for name, weight in weights.items()}
+    sign = {"min": 1.0, "max": -1.0}
+    terms = {name: sign[known[name].sense] * weight / known[name].scale for name, weight in weights.items()}
     return (*objectives, Objective(COST, "-", terms=terms)), COST
 
 
 def _requirements(
-    task: Task, robot: Robot, route: Route, made: Parametrisation, limits: Sequence[PathConstraint]
+    task: Task,
+    robot: Robot,
+    route: Route,
+    made: Parametrisation,
+    limits: Sequence[PathConstraint],
+    parameters: tuple[str, ...],
 ) -> Requirements:
     axes = robot.joints, robot.units
     points = []
@@ -239,7 +239,7 @@ def _requirements(
         for i, seconds in route.dwells.items()
     )
     return Requirements(
-        *axes, tuple(limits), tuple(points), ("payload",), continuity=made.continuity, duration_constraints=waits
+        *axes, tuple(limits), tuple(points), parameters, continuity=made.continuity, duration_constraints=waits
     )
 
 

@@ -156,7 +156,7 @@ class Ipopt:
             # Measured: from a start this far off its bounds fronts take fewest iterations; where the barrier stays high
             # that holds it off by itself, and more loses what is known.
             target = float(wanted.get("mu_target", 0.0))
-            settings |= dict.fromkeys(_PUSHES, 1e-9 if target > 0.0 else 1e-5)
+            settings |= dict.fromkeys(_PUSHES, 1e-9 if target > 0.0 else 1e-4)
             settings |= {"warm_start_init_point": "yes", "mu_init": max(1e-9, target)}
         return settings | dict(wanted) | dict(self.options)
 

@@ -55,7 +55,8 @@ def test_one_amount_serves_all_rows_of_a_limit_and_its_bounds_on_variables() -> 
     nlp = NLP.symbolic(
         "small", x, x[0] ** 2, ca.vertcat(x[0], 0.1 * x[1], x[0]), lower_x=np.full(2, -np.inf),
         upper_x=np.array([np.inf, 10.0]), lower_g=np.array([3.0, 3.0, -np.inf]),
-        upper_g=np.array([np.inf, np.inf, 1.0]), rows=rows, labels=("x0", "x1"), units=("rad", "rad"), bounds_as_rows=((1, 0.1, top),),
+        upper_g=np.array([np.inf, np.inf, 1.0]), rows=rows, labels=("x0", "x1"), units=("rad", "rad"),
+        bounds_as_rows=((1, 0.1, top),),
     )  # fmt: skip
     # One amount s of `top` serves both: least s + 2 (3 - 1 - s) within s <= 2, so s = 2 and A, B give none.
     found = {c.row.limit: c.excess for c in Ipopt().conflicts(nlp, np.zeros(2)) if c.excess > 0.0}

@@ -9,8 +9,8 @@ import ocp_traj as ot
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.families import cubic_spline_free_ends, nonic
 from ocp_traj.errors import FileFormatError, InputError
-from ocp_traj.paths.path_file import load_path
 from ocp_traj.paths.joint_path import JointPath
+from ocp_traj.paths.path_file import load_path
 from ocp_traj.paths.path_points import read_points
 from ocp_traj.results.trajectory import Trajectory
 

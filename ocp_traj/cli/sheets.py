@@ -8,7 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ocp_traj.cli.console import Rows, Sheet
-from ocp_traj.cli.solution_tables import conflict_table, conflict_values, gain_tables, gain_values
+from ocp_traj.cli.solution_tables import (
+    conflict_table,
+    conflict_values,
+    gain_tables,
+    gain_values,
+    objective_table,
+)
 from ocp_traj.display import count
 
 if TYPE_CHECKING:  # a list of problems needs none of them
@@ -144,6 +150,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         "problem": problem.id,
         "status": solution.status.value,
         "objectives": dict(solution.objectives),
+        "quadrature_errors": solution.quadrature_errors,
         "units": units,
         "variables": variables,
         "seconds": solution.seconds,
@@ -182,9 +189,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
     title = f"{problem.id}: {solution.status.value}{certified} in {effort}"
     tables: list[Rows] = []
     if solution.audit is not None:
-        tables.append(
-            (title, ["objective", "value", "unit"], [[k, f"{v:.9g}", units[k]] for k, v in solution.objectives.items()])
-        )
+        tables.append(objective_table(title, solution.objectives, units, solution.quadrature_errors))
         tables.append(_variable_table(problem, solution))
         tables += [*gain_tables(solution.gains), *_audit_tables(solution.audit)]
     elif solution.conflicts:
@@ -291,7 +296,8 @@ def payload_sheet(found: LargestPayload) -> Sheet:
     }
     names = ["payload [kg]", "binding limit", "instant [s]", "holds for", "because"]
     row = [f"{found.payload:.6f}", found.binding, found.instant, found.kind, found.argument]
-    return Sheet(data, [("Largest payload", names, [row])])
+    title = "Largest payload" + (" found" if found.kind == "within a time" else "")
+    return Sheet(data, [(title, names, [row])])
 
 
 def export_sheet(found: Exported) -> Sheet:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from ocp_traj.cli.console import Rows
@@ -11,6 +12,16 @@ if TYPE_CHECKING:
     from ocp_traj.results.limit_gains import LimitGain
 
 MOST_GAINS = 15  # rows of the table of what limits cost: our choice
+
+
+def objective_table(
+    title: str, values: Mapping[str, float], units: Mapping[str, str], errors: Mapping[str, float]
+) -> Rows:
+    """Objectives, those that are integrals with the error of their rule."""
+    rows = [[k, f"{v:.9g}", f"+- {errors[k]:.1e}" if k in errors else "", units[k]] for k, v in values.items()]
+    if not errors:
+        return title, ["objective", "value", "unit"], [[k, v, unit] for k, v, _, unit in rows]
+    return title, ["objective", "value", "quadrature error", "unit"], rows
 
 
 def gain_values(gains: tuple[LimitGain, ...]) -> list[dict[str, Any]]:

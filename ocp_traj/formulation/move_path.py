@@ -18,7 +18,7 @@ from ocp_traj.robot.joint_limits import JointLimits
 
 RETIMED, ARCS = (
     16,
-    160,
+    80,
 )  # pieces a leg of a path that is retimed, fewer where more than so many come together: our choice
 
 

@@ -21,6 +21,7 @@ class Route:
         stops: those at which it rests, counted from 0; inner ones.
         dwells: seconds that it stands still, by via point.
         tolerance: by which each point may be missed ``(L + 1, n)``; infinite inside tool paths.
+        moves: of each leg between two points, the move it is of ``(L,)``, counted from 0.
         begin, end: derivatives 1, 2, .. ``(k, n)`` at the ends; None for rest.
         tool_moves: (number of its first leg, move) of each move along a tool path.
     """
@@ -29,6 +30,7 @@ class Route:
     stops: tuple[int, ...]
     dwells: dict[int, float]
     tolerance: Array
+    moves: tuple[int, ...]
     begin: Array | None
     end: Array | None
     tool_moves: tuple[tuple[int, ToolMove], ...] = ()
@@ -41,6 +43,7 @@ def route_of(task: Task, joints: int) -> Route:
     dwells: dict[int, float] = {}
     tool_moves: list[tuple[int, ToolMove]] = []
     free: list[int] = []
+    moves: list[int] = []
     for i, move in enumerate(task.move):
         rows = list(move.via or ())
         if not rows or any(len(row) != joints for row in rows):
@@ -55,6 +58,7 @@ def route_of(task: Task, joints: int) -> Route:
             first = len(points) - len(tool_move.legs) - 1
             tool_moves.append((first, tool_move))
             free += range(first + 1, len(points) - 1)
+        moves += [i] * len(rows)
         last = i == len(task.move) - 1
         if last and move.dwell:
             raise InputError(f"{task.name}: [[move]] {i + 1}: dwell is after the last move; leave it out")
@@ -77,7 +81,7 @@ def route_of(task: Task, joints: int) -> Route:
         tolerance[[first, first + len(tool_move.legs)]] = 0.0
     tolerance[free] = np.inf
     ends = (_derivatives(task.move[0].begin), _derivatives(task.move[-1].end))
-    return Route(np.array(points), tuple(stops), dwells, tolerance, *ends, tuple(tool_moves))
+    return Route(np.array(points), tuple(stops), dwells, tolerance, tuple(moves[1:]), *ends, tuple(tool_moves))
 
 
 def _derivatives(table: Derivatives | None) -> Array | None:

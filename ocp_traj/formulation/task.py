@@ -458,7 +458,9 @@ class MoveTable(Table):
     dwell: Mass = Field(0.0, description="seconds to stand still after the move, 0 or more")
     begin: Derivatives | None = Field(None, description="a table with velocity and acceleration, of the first move")
     end: Derivatives | None = Field(None, description="a table with velocity and acceleration, of the last move")
-    payload: Held | None = Field(None, description="what is carried on this move, in place of the robot's")
+    payload: Held | None = Field(
+        None, description="a table with mass and, if need be, com and inertia, in place of the robot's"
+    )
     tool_path: ToolPathTable | None = Field(None, description="")
 
     @model_validator(mode="after")

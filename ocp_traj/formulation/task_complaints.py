@@ -13,7 +13,7 @@ from ocp_traj.errors import cut, nearest, quoted
 
 LATER = "is not built in this version"  # of what the format has beyond it
 
-RESOLVED = ("source", "numbers")  # keys that the program writes into trajectories, and nobody into a file
+RESOLVED = ("source", "numbers", "geometry")  # keys that the program writes into trajectories, and nobody into a file
 HEADER = re.compile(r"""^\s*\[\[?\s*["']?[A-Za-z_][\w."' -]*\]""")  # of a table; no row of numbers
 SPOKEN = re.compile(r"\[(\[?)(\w+)\]\]?(?: (\d+))?:? ?([a-z_.]*)")  # a place as a complaint names it
 

@@ -165,10 +165,7 @@ def task_example() -> str:
         if name not in inline and Task.model_fields[name].description:
             lines += ["", "", *_comment(MEANING.get(name, "")), f"[[{name}]]" if name == "move" else f"[{name}]"]
             lines += _export() if name == "export" else list(_keys(tables[name], f"{name}."))
-    lines += [
-        "",
-        f"# Beside these, {', '.join(WRITTEN[:-1])} and {WRITTEN[-1]} stand in trajectories, where the program writes them.",
-    ]
+    lines += ["", f"# Beside these, {', '.join(WRITTEN)} stand in trajectories, where the program writes them."]
     return "\n".join(lines) + "\n"
 
 

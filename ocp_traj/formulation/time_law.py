@@ -111,7 +111,7 @@ class TimeLaw:
         speed = self.limits.bounds(1)
         for order in range(1, self.rows):
             own = [k for k, m in self.free if m == order]
-            high, limits = np.full(len(own), np.inf), ()
+            high, limits = np.full(len(own), np.inf), tuple[tuple[str, str], ...]()
             if order == 1 and speed is not None:  # what a knot's velocities allow
                 slopes = np.abs([self.arcs.at(min(k, self.count - 1), float(k == self.count), 1)[0] for k in own])
                 with np.errstate(divide="ignore"):

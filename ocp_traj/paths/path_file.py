@@ -1,8 +1,8 @@
 """Paths through joint space from files: points, a motion, or a point of a run's front.
 
 Points are joined by a spline; whatever says how the joints move from one to the next keeps its own geometry: a
-trajectory of this package, samples, splines and BPoly, and a ``trajectory_msgs`` message or a table with velocities, as a
-controller interpolates it. The times of a motion are the path's parameter and nothing else.
+trajectory of this package, samples, splines and BPoly, and a ``trajectory_msgs`` message or a table with velocities, as
+a controller interpolates it. The times of a motion are the path's parameter and nothing else.
 """
 
 from __future__ import annotations

@@ -23,6 +23,7 @@ from ocp_traj.transcription.shape import ShapeAt, shape_of
 SCAN = 48  # samples a segment when looking for peaks: our choice, far denser than the degrees in use have peaks
 FINE = 33  # samples about a sample that stands out, from one neighbour to the other: our choice
 NEWTON, NEWTON_SWEPT = 4, 8  # steps: our choice
+SETTLED = 1e-10  # of a segment: a step this short is the last; our choice
 RACING = 1e3  # segments a peak moves when x doubles: it is so flat that an instant that stays holds it as well
 FLAT = 1e-9  # of a curvature in local time: a peak no more curved than this stays where it is
 
@@ -81,17 +82,21 @@ class _Peaks:
         weights = _one_row(rows, values.kernel.rows) / self.limit.scale
         first = np.stack([u, np.zeros_like(u) if sweep is None else sweep], axis=1)
         places = first.copy()
-        begun, at = self._excess(values, places, rows)
+        at = self._at(values, places)
+        begun = self._excess(at, rows)
         side = np.where(begun[1], 1.0, -1.0)
         lowest, highest = np.maximum(first - width, 0.0), np.minimum(first + width, 1.0)
-        for _ in range(NEWTON_SWEPT if self.limit.sweep else NEWTON):
-            found = at.peak(weights)
-            free = self._free(places, found, side)
-            places = np.clip(places + _newton_step(found, free), lowest, highest)
-            at = self._at(values, places)
-        excess, _ = self._excess(values, places, rows)
         found = at.peak(weights)
         free = self._free(places, found, side)
+        for _ in range(NEWTON_SWEPT if self.limit.sweep else NEWTON):
+            before, places = places, np.clip(places + _newton_step(found, free), lowest, highest)
+            if np.abs(places - before).max() <= SETTLED:
+                places = before
+                break
+            at = self._at(values, places)
+            found = at.peak(weights)
+            free = self._free(places, found, side)
+        excess = self._excess(at, rows)
         # Newton's method may lead downhill: there the peak is a corner at the end of a segment, and stays.
         astray = excess[0] < begun[0]
         kept_places = np.where(astray[:, None], first, places).tolist()
@@ -117,14 +122,11 @@ class _Peaks:
     def _at(self, values: InstantValues, places: Array) -> InstantValuesAt:
         return InstantValuesAt(values, self.shape, places[:, 0], places[:, 1] if self.limit.sweep else None)
 
-    def _excess(
-        self, values: InstantValues, places: Array, rows: Index
-    ) -> tuple[tuple[Array, NDArray[np.bool_]], InstantValuesAt]:
+    def _excess(self, at: InstantValuesAt, rows: Index) -> tuple[Array, NDArray[np.bool_]]:
         """Scaled excess of one row an instant ``(N,)``, and whether that is over the upper bound."""
-        at = self._at(values, places)
         own = at.values[np.arange(len(rows)), rows] / self.limit.scale[rows]
         over, under = own - self.high[rows], self.low[rows] - own
-        return (np.maximum(over, under), over >= under), at
+        return np.maximum(over, under), over >= under
 
     def _scanned(self) -> tuple[Index, Index, Array, Array | None]:
         """Segments, rows, local times and sweeps near which the excess has a peak above ``-near``, or may have one."""
