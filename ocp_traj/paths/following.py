@@ -6,7 +6,6 @@ too near a singular posture, where the tool cannot move some way whatever the jo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +21,7 @@ STEP = 0.1  # [rad or m] of a joint from one posture to the next, at most; halve
 NARROWEST = 1e-5  # of the path's length: a step that small that is still too far is a jump
 MOST_BRANCHES = 12  # from which a path is tried
 CLOSE_BY = 1e-3  # [m, rad] by which a pose is missed, and below which the arm's reach is said to end there
+HALVINGS = 20  # in the search for a singular place
 SAMPLES = 9  # of a path at least, ends included
 
 
@@ -140,19 +140,31 @@ def _time(q: Array, speeds: Array) -> float:
     return float(steps.max(axis=1).sum())
 
 
-def _least_singular(ik: InverseKinematics, path: ToolPath, s: Sequence[float] | Array, q: Array) -> tuple[float, float]:
-    """The smallest singular value along postures, looked for between them around the smallest, and where."""
-    values = np.array([ik.least_singular_value(row) for row in q])
-    i = int(np.argmin(values))
-    low, high = s[max(i - 1, 0)], s[min(i + 1, len(s) - 1)]
-    best, at = float(values[i]), float(s[i])
+def _least_singular(ik: InverseKinematics, path: ToolPath, s: Array, q: Array) -> tuple[float, float]:
+    """The smallest singular value along postures and where, looked for between them too.
 
-    def between(place: float) -> float:
-        reached = ik.reach(path.at(place), q[i])
+    Where it falls below the bound it is the place at which that happens first.
+    """
+    values = np.array([ik.least_singular_value(row) for row in q])
+
+    def at(place: float, near: Array) -> float:
+        reached = ik.reach(path.at(place), near)
         return ik.least_singular_value(reached.q) if reached.found else 0.0
 
-    found = minimize_scalar(between, bounds=(low, high), method="bounded", options={"maxiter": 20, "xatol": 1e-6})
-    return (float(found.fun), float(found.x)) if found.fun < best else (best, at)
+    i = int(np.argmin(values))
+    if values[i] < SINGULAR:
+        i = int(np.argmax(values < SINGULAR))
+        if i == 0:
+            return float(values[0]), float(s[0])
+        good, bad = float(s[i - 1]), float(s[i])
+        for _ in range(HALVINGS):
+            middle = (good + bad) / 2.0
+            good, bad = (middle, bad) if at(middle, q[i - 1]) >= SINGULAR else (good, middle)
+        return at(bad, q[i]), bad
+    bounds = s[max(i - 1, 0)], s[min(i + 1, len(s) - 1)]
+    options = {"maxiter": HALVINGS, "xatol": 1e-6}
+    found = minimize_scalar(lambda place: at(place, q[i]), bounds=bounds, method="bounded", options=options)
+    return (float(found.fun), float(found.x)) if found.fun < values[i] else (float(values[i]), float(s[i]))
 
 
 def _reason(ik: InverseKinematics, path: ToolPath, s: float, near: Array) -> str:

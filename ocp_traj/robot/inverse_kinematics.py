@@ -170,9 +170,15 @@ class InverseKinematics:
             if not reached.found:
                 continue
             q = self._unwound(reached.q, middle)
-            if not any(np.abs(q - other).max() < SAME for other in found):
+            if not any(self._gap(q, other) < SAME for other in found):
                 found.append(q)
         return found
+
+    def _gap(self, q: Array, other: Array) -> float:
+        """The largest difference of two postures, whole turns of revolute joints apart."""
+        gap, turn = np.abs(q - other), 2.0 * np.pi
+        turns = np.array([unit == "rad" for unit in self.robot.units])
+        return float(np.where(turns, np.abs(gap - turn * np.round(gap / turn)), gap).max())
 
     def _unwound(self, q: Array, middle: Array) -> Array:
         """The posture whole turns apart that is nearest to another, within the ranges."""
