@@ -179,7 +179,9 @@ def cylinder(name: str, joint: int, start: ArrayLike, end: ArrayLike, radius: fl
     return _along(name, CYLINDER, joint, ends, float(radius), 0.0, link)
 
 
-def box(name: str, joint: int, centre: ArrayLike, size: ArrayLike, axes: ArrayLike | None = None, link: str = "") -> Body:
+def box(
+    name: str, joint: int, centre: ArrayLike, size: ArrayLike, axes: ArrayLike | None = None, link: str = ""
+) -> Body:
     """A box of whole lengths ``size (3,)`` along its axes, the columns of ``axes (3, 3)``."""
     lengths = _numbers(size, (3,), f"body {quoted(name)}: size")
     if not (lengths > 0.0).all():
@@ -216,9 +218,7 @@ def axes_along(direction: Array) -> Array:
     return np.column_stack([first, np.cross(direction, first), direction])
 
 
-def _along(
-    name: str, kind: str, joint: int, ends: Sequence[Array], core: float, radius: float, link: str
-) -> Body:
+def _along(name: str, kind: str, joint: int, ends: Sequence[Array], core: float, radius: float, link: str) -> Body:
     span = ends[1] - ends[0]
     length = float(np.linalg.norm(span))
     axes = axes_along(span / length) if length > 0.0 else np.eye(3)
