@@ -38,7 +38,7 @@ ROUNDED = 1e-12  # [m] what two computations of one distance may differ by
 class Tally:
     """What became of the motions."""
 
-    verdicts: Counter[tuple[str, float, str]] = field(default_factory=Counter)
+    verdicts: Counter[tuple[str, float]] = field(default_factory=Counter)
     kinds: Counter[str] = field(default_factory=Counter)
     robots: set[str] = field(default_factory=set)
     faults: list[str] = field(default_factory=list)
@@ -119,7 +119,7 @@ def tried(rng: np.random.Generator, tally: Tally, say: Callable[[str], None], na
         limit = ClearanceConstraint("clearance", robot, bodies, (chosen,), asked)
         (row,) = audit(motion, Requirements(robot.joints, robot.units, (), clearance_constraints=(limit,))).rows
         side = np.sign(least - asked) * step
-        tally.verdicts[row.verdict, float(side), ""] += 1
+        tally.verdicts[row.verdict, float(side)] += 1
         said = f"{name}: {label}, {kinds}, least {least:.12g}, asked {asked:.12g}: {row.verdict} {row.attained:.12g} {row.proved_bound:.12g}"
         if row.verdict == PROVED and least < asked * (1.0 - 2e-12) - off:
             tally.faults.append(f"FALSE PROOF {said}")
@@ -130,7 +130,12 @@ def tried(rng: np.random.Generator, tally: Tally, say: Callable[[str], None], na
             tally.faults.append(f"FALSE VALUE {at:.12g} {said}")
         if row.verdict == VIOLATED and not at < asked + off:
             tally.faults.append(f"FALSE VIOLATION {at:.12g} {said}")
-        if row.verdict == UNDECIDED and step >= 1e-7 and (least > 1e-6 or asked > 1e-6) and abs(least - asked) > off + 1e-8:
+        if (
+            row.verdict == UNDECIDED
+            and step >= 1e-7
+            and (least > 1e-6 or asked > 1e-6)
+            and abs(least - asked) > off + 1e-8
+        ):
             tally.faults.append(f"UNDECIDED {said}")
         if row.verdict != VIOLATED:
             tally.widest = max(tally.widest, row.attained - row.proved_bound)
@@ -150,8 +155,10 @@ def main(count: int, seed: int, only: int | None = None, say: Callable[[str], No
 
 
 def report(tally: Tally) -> str:
-    lines = [f"{sum(tally.kinds.values())} motions of {len(tally.robots)} robots; kinds {dict(sorted(tally.kinds.items()))}"]
-    for (verdict, side, _), number in sorted(tally.verdicts.items(), key=lambda item: (item[0][1], item[0][0])):
+    lines = [
+        f"{sum(tally.kinds.values())} motions of {len(tally.robots)} robots; kinds {dict(sorted(tally.kinds.items()))}"
+    ]
+    for (verdict, side), number in sorted(tally.verdicts.items(), key=lambda item: (item[0][1], item[0][0])):
         lines.append(f"least - asked = {side:+.0e} m: {verdict:10} {number}")
     return "\n".join([*lines, f"widest interval {tally.widest:.3g} m", f"faults: {len(tally.faults)}"])
 

@@ -62,7 +62,9 @@ def core_distance(one: Any, at: pin.SE3, two: Any, to: pin.SE3) -> float:
         return least_along(lambda s: point_distance(two, start + s * (end - start)))
     request, result = coal.DistanceRequest(), coal.DistanceResult()
     request.gjk_tolerance = 1e-12
-    shapes = [coal.Box(*(2.0 * b.half)) if b.kind == "box" else coal.Cylinder(b.half[0], 2.0 * b.half[2]) for b in (one, two)]
+    shapes = [
+        coal.Box(*(2.0 * b.half)) if b.kind == "box" else coal.Cylinder(b.half[0], 2.0 * b.half[2]) for b in (one, two)
+    ]
     return float(coal.distance(shapes[0], coal.Transform3s(at), shapes[1], coal.Transform3s(to), request, result))
 
 
