@@ -16,7 +16,7 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow kill fuzz interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-vias coverage lint clean
+.PHONY: help front test test-slow kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-vias coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
@@ -24,6 +24,7 @@ help:
 	@echo "make test-slow  the slow tests"
 	@echo "make kill       a front killed at 20 random moments: nothing finished is lost"
 	@echo "make fuzz       2000 mutated files, and 2000 tasks: what is proved of them holds, none ends in a traceback"
+	@echo "make fuzz-clearance 2000 random motions past random bodies: no proof and no violation that a scan contradicts; minutes"
 	@echo "make coverage   all tests, with their coverage"
 	@echo "make interrupts Ctrl-C at MOMENTS (20) random moments of every method; takes hours"
 	@echo "make bench-speed times beside those of an earlier commit: benchmarks/RESULTS.md; half an hour, on a quiet machine"
@@ -51,6 +52,9 @@ kill: $(VENV)/.installed-dev
 fuzz: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.fuzz
 	$(BIN)/python -m tests.task_mutations
+
+fuzz-clearance: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.clearance_fuzz
 
 coverage: $(VENV)/.installed-dev
 	$(PYTEST) -m "" --cov

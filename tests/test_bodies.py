@@ -94,7 +94,8 @@ def test_bodies_are_plain_data() -> None:
 
 def test_a_body_is_refused_in_one_line() -> None:
     for made, words in (
-        (lambda: sphere("a", 0, [0, 0, 0], 0.0), "radius 0.0"), (lambda: sphere("a", 0, [0, 0], 0.1), "3 finite numbers"),
+        (lambda: sphere("a", 0, [0, 0, 0], 0.0), "radius 0.0"),
+        (lambda: sphere("a", 0, [0, 0], 0.1), "3 finite numbers"),
         (lambda: capsule("a", 0, [0, 0, np.nan], [0, 0, 1], 0.1), "an end is"),
         (lambda: cylinder("a", 0, [0, 0, 1], [0, 0, 1], 0.1), "two different points"),
         (lambda: box("a", 0, [0, 0, 0], [1.0, 0.0, 1.0]), "three numbers above zero"),
@@ -130,7 +131,7 @@ def test_points_of_bodies_and_frames_of_joints_are_where_pinocchio_has_them() ->
 @pytest.mark.parametrize("second", [*FINITE, "half-space"])
 @pytest.mark.parametrize("first", FINITE)
 def test_nearest_points_and_directions_close_the_gap(first: str, second: str) -> None:
-    """The points are in the cores, and no further apart than the direction holds the cores: both are the best there are."""
+    """The points are in the cores, and no further apart than the direction holds the cores: both are the best."""
     rng = np.random.default_rng(5)
     count = 20 if {first, second} <= {"box", "cylinder"} else 100
     ones, twos = ([some(rng, kind) for _ in range(count)] for kind in (first, second))

@@ -109,7 +109,8 @@ def motion_bounds(
         joints: of the frames.
         table: of the bodies.
         arcs: of time.
-        arc, body: indices ``(M,)``.
+        arc: of each of M bodies, an index ``(M,)``.
+        body: an index ``(M,)``.
         base: columns of the joints from which it is seen ``(M,)``; each at or below the body's.
 
     Returns:

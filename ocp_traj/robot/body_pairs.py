@@ -136,7 +136,7 @@ def _touching(
 
 
 def random_postures(robot: Robot, count: int, seed: int = SEED) -> Array:
-    """Postures ``(count, n)`` evenly spread within the limits on position, or within half a turn where there are none."""
+    """Postures ``(count, n)`` within the limits on position, or within half a turn where there are none."""
     low, high = np.full(robot.size, -BEYOND), np.full(robot.size, BEYOND)
     if robot.limits.position is not None:
         given_low, given_high = np.broadcast_to(np.asarray(robot.limits.position, dtype=float), (2, robot.size))

@@ -161,7 +161,7 @@ def _smallest(points: Array, cylinders: bool = False) -> FittedCapsule:
 
 
 def _cylinder(points: Array, axis: Array, foot: Array) -> FittedCapsule:
-    """The cylinder around points ``(n, 3)`` whose axis runs through a point, wider and longer than needed by rounding."""
+    """The cylinder around points ``(n, 3)`` whose axis runs through a point; see ``ROUNDING``."""
     height, across = points @ axis, points - foot - ((points - foot) @ axis)[:, None] * axis
     radius = float(np.linalg.norm(across, axis=1).max()) + ROUNDING
     low, high = float(height.min()) - ROUNDING, float(height.max()) + ROUNDING
