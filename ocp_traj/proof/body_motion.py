@@ -173,7 +173,7 @@ def _tilt(joints: Joints, frames: Frames, k: int, arc: Index, body: Index, table
     joint = table.joint[body]
     own = np.einsum("nij,nj->ni", frames.rotation[arc, joint], table.axes[body, :, 2])
     off = 4.0 * (frames.turn[arc, k] + frames.turn[arc, joint]) + 1e-14
-    return np.linalg.norm(_cross(axis, own), axis=1) + off
+    return np.asarray(np.linalg.norm(_cross(axis, own), axis=1) + off)
 
 
 def _distance(joints: Joints, frames: Frames, k: int, arc: Index, centre: Array, off: Array) -> Array:

@@ -63,7 +63,8 @@ def self_pairs(
         postures: seeded, within the joints' limits; pairs of links that overlap at each are left out.
     """
     chosen = list(range(len(bodies)) if links is None else links)
-    parents, disabled_found = list(robot.model.parents), {}
+    parents = list(robot.model.parents)
+    disabled_found: dict[tuple[str, str], None] = {}
     pairs: list[tuple[int, int]] = []
     for place, i in enumerate(chosen):
         for j in chosen[place + 1 :]:
