@@ -189,7 +189,7 @@ def free_payload(problem: Problem, most: float, likely: float, eq: str = "") -> 
         likely: random starts have up to this [kg].
         eq: equation of the source.
     """
-    n, dilate = problem.size, problem.dilate
+    n, dilate, read = problem.size, problem.dilate, problem.variables_of
     mass = Variable("payload", np.zeros(1), np.array([most]), "kg", ("payload",), eq)
     largest = Objective("payload_mass", "kg", 10.0, "max", eq, of_variables=lambda x, p: p[0])
     return replace(
@@ -201,4 +201,5 @@ def free_payload(problem: Problem, most: float, likely: float, eq: str = "") -> 
         guess=lambda rng: np.append(problem.guess(rng), rng.uniform(0.0, min(likely, most))),
         dilate=dilate and (lambda x, s: np.append(dilate(x[:n], s), x[n:])),
         scales_in_time=False,
+        variables_of=read and (lambda motion: np.append(read(motion), motion.parameters.get("payload", 0.0))),
     )

@@ -6,14 +6,16 @@ when nothing outside it decides what it means: robot in numbers, all of it in SI
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import isfinite
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
-from ocp_traj.errors import quoted
+from ocp_traj.display import count
+from ocp_traj.errors import InputError, quoted
+from ocp_traj.formulation.task_complaints import LATER, PartOf, complaint
+from ocp_traj.robot.inertias import inertia_matrix
 
 FORMAT = "ocp-traj/task/1"
 LARGEST = 1e12  # of a number in a task: our choice, beyond any robot
@@ -21,7 +23,6 @@ SMALLEST = 1e-9  # of a limit that is not zero: our choice, below any robot's
 MOST_POINTS = 100_000  # of a path: our choice
 KINDS = ("cubic", "quintic", "septic", "nonic", "auto", "retime")
 QUANTITIES = ("position", "velocity", "acceleration", "jerk", "snap", "effort")
-LATER = "is not built in this version"  # of what the format has beyond it
 
 
 def _plain(value: Any) -> Any:
@@ -54,6 +55,11 @@ def _row(value: Any) -> Any:
     value = _plain(value)
     if not isinstance(value, list) or not value:
         raise ValueError("no list of numbers")
+    for i, entry in enumerate(value):
+        try:
+            _number(entry)
+        except ValueError as error:
+            raise PartOf(f"number {i + 1} is {quoted(entry)}") from error
     return [_number(v) for v in value]
 
 
@@ -61,9 +67,14 @@ def _rows(value: Any) -> Any:
     value = _plain(value)
     if not isinstance(value, list) or not 1 <= len(value) <= MOST_POINTS:
         raise ValueError("no list of rows")
-    rows = [_row(v) for v in value]
-    if len({len(row) for row in rows}) > 1:
-        raise ValueError("rows of different lengths")
+    rows = []
+    for i, row in enumerate(value):
+        try:
+            rows.append(_row(row))
+        except PartOf as error:
+            raise PartOf(f"point {i + 1}, {error}") from error
+        if len(rows[-1]) != len(rows[0]):
+            raise PartOf(f"point {i + 1} has {count(len(rows[-1]), 'number')}, the first has {len(rows[0])}")
     return rows
 
 
@@ -77,6 +88,26 @@ def _each(value: Any) -> Any:
     """A number for all joints, or a list, one a joint."""
     value = _plain(value)
     return _row(value) if isinstance(value, list) else _number(value)
+
+
+def _each_from_0(value: Any) -> Any:
+    if np.min(value := _each(value)) < 0.0:
+        raise ValueError("below zero")
+    return value
+
+
+def _true_or_false(value: Any) -> Any:
+    if not isinstance(value, bool | np.bool_):
+        raise ValueError("neither true nor false")
+    return bool(value)
+
+
+def _inertia(value: Any) -> Any:
+    try:
+        inertia_matrix(row := _row(value))
+    except InputError as error:
+        raise ValueError("no inertia") from error
+    return row
 
 
 def _share(text: str) -> float | None:
@@ -98,9 +129,21 @@ def _bound(value: Any) -> Any:
         return value.strip()
     if isinstance(value, list) and len(value) == 2 and all(isinstance(v, list) for v in value):
         return [[_side(v) for v in side] for side in value]
-    if isinstance(value, list):
-        return [_side(v) for v in value]
+    if isinstance(value, list) and value:
+        sides = [_side(v) for v in value]
+        for i, side in enumerate(sides):
+            if side is not None and not side > 0.0:
+                raise PartOf(f"number {i + 1} is {side:g}, not above zero")
+        return sides
     return _side(_positive(value))
+
+
+def _range(value: Any) -> Any:
+    """A bound that is not symmetric: two lists; "50 %"; "none"."""
+    value = _bound(value)
+    if not isinstance(value, str) and not (isinstance(value, list) and isinstance(value[0], list)):
+        raise ValueError("not two lists")
+    return value
 
 
 def _side(value: Any) -> float | None:
@@ -124,6 +167,18 @@ def share_of(bound: Any) -> float | None:
     return _share(bound) if isinstance(bound, str) else None
 
 
+def _different(value: list[str]) -> list[str]:
+    if len(set(value)) < len(value):
+        raise ValueError("one of them twice")
+    return value
+
+
+def _some(value: Any) -> Any:
+    if value == {}:
+        raise ValueError("empty")
+    return value
+
+
 def _later(value: Any) -> Any:
     raise ValueError(LATER)
 
@@ -134,11 +189,15 @@ Mass = Annotated[float, BeforeValidator(_mass)]
 Row = Annotated[list[float], BeforeValidator(_row)]
 Rows = Annotated[list[list[float]], BeforeValidator(_rows)]
 Three = Annotated[list[float], BeforeValidator(_three)]
+Inertia = Annotated[list[float], BeforeValidator(_inertia)]
+Truth = Annotated[bool, BeforeValidator(_true_or_false)]
 Each = Annotated[Any, BeforeValidator(_each)]
+EachFrom0 = Annotated[Any, BeforeValidator(_each_from_0)]
 Bound = Annotated[Any, BeforeValidator(_bound)]
+Range = Annotated[Any, BeforeValidator(_range)]
 Later = Annotated[Any, BeforeValidator(_later)]
 
-THREE = "three numbers [length]"
+THREE = "three numbers [m, or units.length]"
 PER_JOINT = "a number above zero for all joints, a list with one a joint, two such lists (lower, upper), "
 LIMIT = PER_JOINT + 'a share of the description\'s such as "50 %", or "none"'
 FREE = PER_JOINT + 'or "none"; no URDF holds it'
@@ -154,7 +213,7 @@ class Placement(Table):
     """A frame: where it is, and how it is turned."""
 
     xyz: Three = Field([0.0, 0.0, 0.0], description=THREE)
-    rpy: Three | None = Field(None, description="roll, pitch, yaw [angle], or quat_wxyz instead")
+    rpy: Three | None = Field(None, description="roll, pitch, yaw [rad, or units.angle], or quat_wxyz instead")
     quat_wxyz: Row | None = Field(None, description="four numbers w, x, y, z, not all zero, or rpy instead")
 
     @model_validator(mode="after")
@@ -171,7 +230,7 @@ class Held(Table):
 
     mass: Mass = Field(description="a mass [kg], 0 or more")
     com: Three = Field([0.0, 0.0, 0.0], description=f"{THREE} in the tool frame")
-    inertia: Row | None = Field(
+    inertia: Inertia | None = Field(
         None, description="ixx, ixy, ixz, iyy, iyz, izz, or three principal ones, about the com [kg m2]"
     )
 
@@ -179,8 +238,8 @@ class Held(Table):
 class Friction(Table):
     """Friction of the joints: coulomb tanh(v / velocity_scale) + viscous v."""
 
-    coulomb: Each = Field(0.0, description="a number or a list, one a joint [N m or N], 0 or more")
-    viscous: Each = Field(0.0, description="a number or a list, one a joint [N m s or N s/m], 0 or more")
+    coulomb: EachFrom0 = Field(0.0, description="a number or a list, one a joint [N m or N], 0 or more")
+    viscous: EachFrom0 = Field(0.0, description="a number or a list, one a joint [N m s or N s/m], 0 or more")
     velocity_scale: Each = Field(0.01, description="speed over which Coulomb friction turns round [rad/s or m/s]")
 
 
@@ -195,7 +254,7 @@ class RobotTable(Table):
     base: Placement | None = Field(None, description="a table with xyz and rpy or quat_wxyz (of dh)")
     tool_frame: str | None = Field(None, description="the name of a link or frame of the description")
     tool: Placement | None = Field(None, description="a table with xyz and rpy or quat_wxyz, in the tool frame")
-    locked: dict[str, Number] = Field({}, description="a coordinate [angle or length] for each joint that is locked")
+    locked: dict[str, Number] = Field({}, description="a coordinate [rad or m, or as units say] for each locked joint")
     gravity: Three = Field([0.0, 0.0, -9.81], description="three numbers [m/s2] in the world")
     payload: Held | None = Field(None, description="a table with mass and, if need be, com and inertia")
     friction: Friction | None = Field(None, description="a table with coulomb, viscous and velocity_scale")
@@ -215,8 +274,11 @@ class RobotTable(Table):
 class LimitsTable(Table):
     """``[limits]``: what a URDF does not hold has to be given, or waived."""
 
-    description: bool = Field(True, description="true or false: whether the description's own limits hold")
-    position: Bound | None = Field(None, description=LIMIT + "; two lists, since positions are not symmetric")
+    description: Truth = Field(True, description="true or false: whether the description's own limits hold")
+    position: Range | None = Field(
+        None, description="two lists (lower, upper) with one number a joint, a share of the description's such as "
+        '"50 %", or "none"'
+    )  # fmt: skip
     velocity: Bound | None = Field(None, description=LIMIT)
     acceleration: Bound | None = Field(None, description=FREE)
     jerk: Bound | None = Field(None, description=FREE)
@@ -250,6 +312,20 @@ class Derivatives(Table):
     acceleration: Row | None = Field(None, description="a list, one a joint")
 
 
+class Geometry(Table):
+    """A path's own curve through the points of ``via``, over a parameter of its own; what ``retime`` keeps."""
+
+    durations: Row = Field(description="a list of numbers above zero, the steps of the parameter between the points")
+    control_points: list[Rows] = Field(description="a list with the control points of each segment, in rad or m")
+
+    @model_validator(mode="after")
+    def _segments(self) -> Geometry:
+        sizes = {len(row) for rows in self.control_points for row in rows}
+        if len(self.control_points) != len(self.durations) or min(self.durations) <= 0.0 or len(sizes) != 1:
+            raise ValueError("has not as many segments as durations above zero, all of the same joints; give those")
+        return self
+
+
 class MoveTable(Table):
     """``[[move]]``: where to."""
 
@@ -257,16 +333,22 @@ class MoveTable(Table):
     start: Row | None = Field(None, description="a list with one coordinate a joint")
     goal: Row | None = Field(None, description="a list with one coordinate a joint")
     path: str | None = Field(None, description="a CSV, ROS YAML or trajectory file, from the task file's folder")
+    point: Annotated[int, BeforeValidator(_whole)] | None = Field(
+        None, ge=0, description="a whole number from 0 up, which trajectory of the run folder that path is"
+    )
+    geometry: Geometry | None = Field(None, description="a path's own curve, as a resolved task has it")
     line: Later | None = Field(None, description="")
     arc: Later | None = Field(None, description="")
     poses: Later | None = Field(None, description="")
     blend: Later | None = Field(None, description="")
-    tolerance: Each = Field(0.0, description="a number or a list, one a joint, 0 or more: how near via points count")
-    stop: bool = Field(True, description="true or false: whether the robot rests at the end of the move")
+    tolerance: EachFrom0 = Field(0.0, description="a number or a list, one a joint, 0 or more: how near points count")
+    stop: Truth = Field(True, description="true or false: whether the robot rests at the end of the move")
     dwell: Mass = Field(0.0, description="seconds to stand still after the move, 0 or more")
     begin: Derivatives | None = Field(None, description="a table with velocity and acceleration, of the first move")
     end: Derivatives | None = Field(None, description="a table with velocity and acceleration, of the last move")
-    payload: Held | None = Field(None, description="what is carried on this move, in place of the robot's")
+    payload: Held | None = Field(
+        None, description="a table with mass and, if need be, com and inertia, in place of the robot's"
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> MoveTable:
@@ -275,6 +357,10 @@ class MoveTable(Table):
             raise ValueError(f"has {' and '.join(ways) or 'no way to go'}; give exactly one of via, goal, path")
         if self.start is not None and ways != ["goal"]:
             raise ValueError("has start without goal; give both, or via")
+        if self.point is not None and self.path is None:
+            raise ValueError("has point without path; give the run folder as path")
+        if self.geometry is not None and self.via is None:
+            raise ValueError("has geometry without via; give the points it passes as well")
         if self.dwell and not self.stop:
             raise ValueError("has dwell and stop = false; the robot stands still only where it stops")
         return self
@@ -283,7 +369,9 @@ class MoveTable(Table):
 class FrontTable(Table):
     """``front`` of ``[objective]``: what ``ocp-traj pareto`` trades."""
 
-    objectives: list[str] = Field(min_length=2, description="two or more objectives")
+    objectives: Annotated[list[str], AfterValidator(_different)] = Field(
+        min_length=2, description='two or more different objectives, such as ["time", "effort"]'
+    )
     points: Annotated[int, BeforeValidator(_whole)] | None = Field(None, ge=2, description="a whole number from 2 up")
     reference: dict[str, Number] = Field({}, description="the worst value worth having, by objective")
 
@@ -291,8 +379,8 @@ class FrontTable(Table):
 class ObjectiveTable(Table):
     """``[objective]``: what is minimised."""
 
-    minimise: str | dict[str, Positive] = Field(
-        "time", description="an objective, or a table of weights, such as { time = 0.5, effort = 0.5 }"
+    minimise: Annotated[str | dict[str, Positive], AfterValidator(_some)] = Field(
+        "time", description="an objective, or a table of weights above zero, such as { time = 0.5, effort = 0.5 }"
     )
     front: FrontTable | None = Field(None, description="a table with objectives, points and reference")
 
@@ -321,7 +409,7 @@ class Task(Table):
     """A task. Its fields are the tables of a task file, by the same names; in SI unless ``units`` say otherwise."""
 
     format: Literal["ocp-traj/task/1"] = Field("ocp-traj/task/1", description=f'"{FORMAT}"')
-    name: str = Field("task", min_length=1, max_length=200, description="a name")
+    name: str = Field("task", min_length=1, max_length=200, description="a text of 1 to 200 letters")
     units: Units = Field(Units(), description="a table with angle and length")
     robot: RobotTable = Field(description="a table, [robot]")
     limits: LimitsTable = Field(LimitsTable(), description="a table, [limits]")
@@ -331,9 +419,20 @@ class Task(Table):
     export: dict[str, Any] | None = Field(None, description="a table, [export]")
     solve: SolveTable = Field(SolveTable(), description="a table, [solve]")
     collision: Later | None = Field(None, description="")
-    payload: Mass | None = Field(None, description="a mass [kg] in place of that of the robot's payload")
-    free_payload: bool = Field(False, description="true or false: whether the payload's mass is a variable")
+    payload: Mass | None = Field(None, description="a mass [kg], 0 or more, in place of that of the robot's payload")
+    free_payload: Truth = Field(False, description="true or false: whether the payload's mass is a variable")
     source: Source | None = Field(None, description="what a resolved task was made from")
+
+    def __init__(self, **fields: Any) -> None:
+        """A task of plain values, by table.
+
+        Raises:
+            InputError: one line of what is wrong first.
+        """
+        try:
+            super().__init__(**fields)
+        except ValidationError as error:
+            raise InputError(complaint(error, Task, fields)) from error
 
     @property
     def resolved(self) -> bool:
@@ -343,13 +442,3 @@ class Task(Table):
     def fields(self) -> dict[str, Any]:
         """Its fields that differ from their defaults, as plain JSON values: enough to make it again."""
         return self.model_dump(mode="python", exclude_defaults=True)
-
-
-def allowed_in(cls: type[BaseModel]) -> tuple[str, ...]:
-    """Names that a table may have, those of later versions left out."""
-    return tuple(name for name, field in cls.model_fields.items() if field.description)
-
-
-def shown(value: Any) -> str:
-    """A given value as a complaint quotes it."""
-    return quoted(dict(value) if isinstance(value, Mapping) else value)
