@@ -16,7 +16,7 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-vias coverage lint clean
+.PHONY: help front test test-slow kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
@@ -31,6 +31,7 @@ help:
 	@echo "make bench-arms a random move of every arm of example-robot-data, solved and proved, or why not; some 10 s"
 	@echo "make bench-ruckig random moves of a UR5 beside Ruckig's optimum: durations, proofs, seconds; minutes"
 	@echo "make bench-toppra random paths of a UR5 beside TOPP-RA: durations, proofs, excess, seconds; ten minutes"
+	@echo "make bench-clearance a proof of clearances beside coal at 10 000 instants; some 10 s"
 	@echo "make bench-vias what 10, 100 and 1000 via points cost; minutes"
 	@echo "make lint       ruff, and mypy on the installed package"
 	@echo "make clean      remove $(VENV), builds and caches; runs/ stays"
@@ -76,6 +77,9 @@ bench-ruckig: $(VENV)/.installed-dev
 bench-toppra: $(VENV)/.installed-dev
 	$(INSTALL) --editable ".[bench]"
 	$(BIN)/python -m benchmarks.toppra_paths
+
+bench-clearance: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.clearances
 
 bench-vias: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.via_points
