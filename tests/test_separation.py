@@ -47,7 +47,7 @@ def exact_extent(body: Body, axes: list[list[Any]], normal: np.ndarray) -> Any:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_what_floats_round_is_bounded(seed: int) -> None:
-    """Cores are at least as far apart along the direction as is said, by the digits of the tape; no more than that is."""
+    """Cores are as far apart along the direction as is said, or a little more, by the digits of the tape."""
     rng = np.random.default_rng(seed)
     robot = random_robot(np.random.default_rng(seed), 1 + seed % 5)
     bodies = [some_body(rng, f"m{k}", int(rng.integers(1, robot.model.njoints))) for k in range(3)]
