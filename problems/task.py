@@ -171,7 +171,7 @@ def _posed(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Pro
             notes=tool_notes(route, sum(len(v.labels) for v in made.variables), len(made.legs[0])),
             figures=tool_figures(robot.size, limits),
         ),
-        tuning=Tuning(task.solve.starts, hull_rows=hull, solver_options=SOLVER_OPTIONS, **tool_tuning(route, limits)),
+        tuning=Tuning(task.solve.starts, hull_rows=hull, **{"solver_options": SOLVER_OPTIONS} | tool_tuning(route, limits)),
     )  # fmt: skip
     if task.free_payload:
         problem = replace(standard.free_payload(problem, HEAVIEST, LIKELY), reference_point=worst | {PAYLOAD: 0.0})

@@ -9,6 +9,7 @@ import casadi
 import numpy as np
 
 from ocp_traj.arrays import Array
+from ocp_traj.formulation.knot_states import SOLVER_OPTIONS
 from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.formulation.requirements import PathConstraint, State, state_function
 from ocp_traj.formulation.route import Route
@@ -29,6 +30,8 @@ SAMPLES = 9  # of a piece
 MANY = tuple(float(u) for u in np.linspace(0.0, 1.0, 7)[1:])  # first instants of limits that rest along whole arcs
 FEW = (0.0, 0.5, 1.0)  # of the others
 MOST_EXCHANGES = 16
+# For IPOPT where a speed is constant: a wide barrier leads away from the start, from which no way back was found.
+NARROW = {"mu_init": 1e-6, "bound_push": 1e-8, "bound_frac": 1e-8}
 
 
 def tool_speed_limit(robot: Robot, most: float) -> PathConstraint:
@@ -102,7 +105,10 @@ def tool_tuning(route: Route, limits: Sequence[PathConstraint]) -> dict[str, Any
     for limit in limits:
         many = limit.id.startswith("tool-")
         instants[limit.id] = MANY if many else () if limit.order is None else FEW
-    return {"instants": instants, "max_exchanges": MOST_EXCHANGES}
+    tuning: dict[str, Any] = {"instants": instants, "max_exchanges": MOST_EXCHANGES}
+    if any(move.speed is not None for _, move in route.tool_moves):
+        tuning["solver_options"] = {"ipopt": {**SOLVER_OPTIONS["ipopt"], **NARROW}}
+    return tuning
 
 
 def _name(number: int) -> str:
