@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import casadi
 import numpy as np
 
 from ocp_traj.arrays import Array
-from ocp_traj.formulation.knot_states import SOLVER_OPTIONS
 from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.formulation.requirements import PathConstraint, State, state_function
 from ocp_traj.formulation.route import Route
 from ocp_traj.formulation.tool_moves import ToolMove
+from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.paths.cartesian import CONSTANTS, beyond, places, wanted_rotation
 from ocp_traj.robot.robot import Robot
 
@@ -30,7 +31,7 @@ SAMPLES = 9  # of a piece
 MANY = tuple(float(u) for u in np.linspace(0.0, 1.0, 7)[1:])  # first instants of limits that rest along whole arcs
 FEW = (0.0, 0.5, 1.0)  # of the others
 MOST_EXCHANGES = 16
-# For IPOPT where a speed is constant: a wide barrier leads away from the start, from which no way back was found.
+# For IPOPT: a wide barrier leads away from a start along the path, and it does not always find the way back.
 NARROW = {"mu_init": 1e-6, "bound_push": 1e-8, "bound_frac": 1e-8}
 
 
@@ -97,18 +98,16 @@ def enough_pieces(robot: Robot, route: Route, parametrise: Callable[[int], Param
     return count
 
 
-def tool_tuning(route: Route, limits: Sequence[PathConstraint]) -> dict[str, Any]:
-    """Fields of the problem's ``Tuning`` where there are tool paths; measured on lines, arcs and poses."""
+def tool_tuning(tuning: Tuning, route: Route, limits: Sequence[PathConstraint]) -> Tuning:
+    """The tuning where there are tool paths, as measured on lines, arcs and poses; as it is where there are none."""
     if not route.tool_moves:
-        return {}
+        return tuning
     instants: dict[str, Sequence[float]] = {}
     for limit in limits:
         many = limit.id.startswith("tool-")
         instants[limit.id] = MANY if many else () if limit.order is None else FEW
-    tuning: dict[str, Any] = {"instants": instants, "max_exchanges": MOST_EXCHANGES}
-    if any(move.speed is not None for _, move in route.tool_moves):
-        tuning["solver_options"] = {"ipopt": {**SOLVER_OPTIONS["ipopt"], **NARROW}}
-    return tuning
+    options = {**tuning.solver_options, "ipopt": {**tuning.solver_options.get("ipopt", {}), **NARROW}}
+    return replace(tuning, instants=instants, max_exchanges=MOST_EXCHANGES, solver_options=options)
 
 
 def _name(number: int) -> str:
