@@ -6,14 +6,14 @@ when nothing outside it decides what it means: robot in numbers, all of it in SI
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import isfinite
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
-from ocp_traj.errors import quoted
+from ocp_traj.errors import InputError
+from ocp_traj.formulation.task_complaints import LATER, complaint
 
 FORMAT = "ocp-traj/task/1"
 LARGEST = 1e12  # of a number in a task: our choice, beyond any robot
@@ -21,7 +21,6 @@ SMALLEST = 1e-9  # of a limit that is not zero: our choice, below any robot's
 MOST_POINTS = 100_000  # of a path: our choice
 KINDS = ("cubic", "quintic", "septic", "nonic", "auto", "retime")
 QUANTITIES = ("position", "velocity", "acceleration", "jerk", "snap", "effort")
-LATER = "is not built in this version"  # of what the format has beyond it
 
 
 def _plain(value: Any) -> Any:
@@ -335,6 +334,17 @@ class Task(Table):
     free_payload: bool = Field(False, description="true or false: whether the payload's mass is a variable")
     source: Source | None = Field(None, description="what a resolved task was made from")
 
+    def __init__(self, **fields: Any) -> None:
+        """A task of plain values, by table.
+
+        Raises:
+            InputError: one line of what is wrong first.
+        """
+        try:
+            super().__init__(**fields)
+        except ValidationError as error:
+            raise InputError(complaint(error, Task, fields)) from error
+
     @property
     def resolved(self) -> bool:
         """Whether nothing outside the task decides what it means."""
@@ -343,13 +353,3 @@ class Task(Table):
     def fields(self) -> dict[str, Any]:
         """Its fields that differ from their defaults, as plain JSON values: enough to make it again."""
         return self.model_dump(mode="python", exclude_defaults=True)
-
-
-def allowed_in(cls: type[BaseModel]) -> tuple[str, ...]:
-    """Names that a table may have, those of later versions left out."""
-    return tuple(name for name, field in cls.model_fields.items() if field.description)
-
-
-def shown(value: Any) -> str:
-    """A given value as a complaint quotes it."""
-    return quoted(dict(value) if isinstance(value, Mapping) else value)
