@@ -20,7 +20,7 @@ from ocp_traj.robot.robot import Robot
 TURNED = pin.rpy.rpyToMatrix(0.3, 0.2, 0.5)
 HELD = (  # on the joints of a UR5
     capsule("arm", 3, [0.0, 0.0, 0.0], [0.0, 0.0, 0.39], 0.05), sphere("wrist", 5, [0.0, 0.0, 0.05], 0.06),
-    box("gripper", 6, [0.0, 0.1, 0.0], [0.05, 0.2, 0.1]), cylinder("bottle", 6, [0.0, 0.1, 0.0], [0.05, 0.3, 0.1], 0.04),
+    box("gripper", 6, [0.0, 0.1, 0.0], [0.05, 0.2, 0.1]), cylinder("bottle", 6, [0.0, 0.1, 0], [0.05, 0.3, 0.1], 0.04),
 )  # fmt: skip
 AROUND = (
     sphere("ball", 0, [0.5, 0.1, 0.3], 0.1), capsule("bar", 0, [0.4, -0.3, 0.2], [0.5, 0.3, 0.5], 0.03),

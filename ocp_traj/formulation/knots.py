@@ -19,9 +19,10 @@ from ocp_traj.curves.least_time import least_time, time_law
 from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.problem import Variable
 from ocp_traj.formulation.requirements import ORDERS
-from ocp_traj.robot.joint_limits import JointLimits
+from ocp_traj.robot.joint_limits import QUANTITIES, JointLimits
 
 PHASES = 7  # of constant jerk, of a shortest motion from rest to rest: that many pieces may hold it exactly
+NEAR = "near"  # id of the limit that inner via points are passed within a tolerance
 SHORTEST, LONGEST = 1e-3, 1e2  # bounds of durations, of the guessed ones: our choice, far from any optimum met
 # Random starts are so many times slower than a shortest motion from rest to rest along a straight line: our choice.
 SLOWER, SLOWER_ALONE = (1.0, 1.4), (1.0, 1.02)  # through via points, and where there are none
@@ -171,8 +172,14 @@ class Knots:
                 unit = self.units[joints[0]]
                 labels = tuple(f"{ORDERS[k]}{knot[i]} {self.joints[joint[i]]}" for i in own)
                 name = f"{ORDERS[k]} [{unit}]" if several else ORDERS[k]
-                found.append(Variable(name, lower[own], upper[own], unit, labels))
+                limits = tuple(self._bounded_by(int(knot[i]), k, int(joint[i])) for i in own)
+                found.append(Variable(name, lower[own], upper[own], unit, labels, bounded_by=limits))
         return tuple(found)
+
+    def _bounded_by(self, knot: int, order: int, joint: int) -> tuple[str, str]:
+        """The limit that bounds a variable: at a via point the distance by which it may be missed."""
+        near = order == 0 and knot in self.via
+        return (NEAR if near else f"{QUANTITIES[order]}-limit"), self.joints[joint]
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:

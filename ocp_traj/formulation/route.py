@@ -20,6 +20,7 @@ class Route:
         stops: those at which it rests, counted from 0; inner ones.
         dwells: seconds that it stands still, by via point.
         tolerance: by which inner points may be missed ``(n,)``.
+        moves: of each leg between two points, the move it is of ``(L,)``, counted from 0.
         begin, end: derivatives 1, 2, .. ``(k, n)`` at the ends; None for rest.
     """
 
@@ -27,6 +28,7 @@ class Route:
     stops: tuple[int, ...]
     dwells: dict[int, float]
     tolerance: Array
+    moves: tuple[int, ...]
     begin: Array | None
     end: Array | None
 
@@ -36,6 +38,7 @@ def route_of(task: Task, joints: int) -> Route:
     points: list[list[float]] = []
     stops: list[int] = []
     dwells: dict[int, float] = {}
+    moves: list[int] = []
     for i, move in enumerate(task.move):
         rows = list(move.via or ())
         if not rows or any(len(row) != joints for row in rows):
@@ -43,23 +46,24 @@ def route_of(task: Task, joints: int) -> Route:
         if points and np.array_equal(rows[0], points[-1]):
             rows = rows[1:]
         points += rows
+        moves += [i] * len(rows)
         last = i == len(task.move) - 1
         if last and move.dwell:
-            raise InputError(f"{task.name}: the last [[move]] has a dwell; there is nothing after it: leave it out")
+            raise InputError(f"{task.name}: [[move]] {i + 1}: dwell is after the last move; leave it out")
         if not last and move.stop and len(points) > 1:
             stops.append(len(points) - 1)
         if move.dwell:
             dwells[len(points) - 1] = move.dwell
         for side, own in (("begin", i == 0), ("end", last)):
             if getattr(move, side) is not None and not own:
-                raise InputError(f"{task.name}: [[move]] {i + 1} has {side}, which only an end of the whole has")
+                raise InputError(f"{task.name}: [[move]] {i + 1}: {side} is what only an end of the whole has")
     if len(points) < 2:
-        raise InputError(f"{task.name}: there is one point in all; give two or more, or start and goal")
+        raise InputError(f"{task.name}: [[move]] 1 has the only point; give two or more, or start and goal")
     tolerances = [np.broadcast_to(np.asarray(move.tolerance, dtype=float), (joints,)) for move in task.move]
     if any(not np.array_equal(one, tolerances[0]) for one in tolerances):
         raise InputError(f"{task.name}: moves have different tolerances; give all the same")
     ends = (_derivatives(task.move[0].begin), _derivatives(task.move[-1].end))
-    return Route(np.array(points), tuple(stops), dwells, tolerances[0], *ends)
+    return Route(np.array(points), tuple(stops), dwells, tolerances[0], tuple(moves[1:]), *ends)
 
 
 def exact_points(route: Route) -> list[tuple[str, Array]]:

@@ -18,15 +18,21 @@ from ocp_traj.formulation.task_values import (
     LIMIT,
     THREE,
     Bound,
+    Different,
     Each,
+    EachFrom0,
+    Inertia,
     Later,
     Mass,
     Number,
     Positive,
+    Range,
     Row,
     Rows,
     Table,
     Three,
+    Truth,
+    Weights,
     Whole,
 )
 
@@ -39,7 +45,7 @@ class Placement(Table):
     """A frame: where it is, and how it is turned."""
 
     xyz: Three = Field([0.0, 0.0, 0.0], description=THREE)
-    rpy: Three | None = Field(None, description="roll, pitch, yaw [angle], or quat_wxyz instead")
+    rpy: Three | None = Field(None, description="roll, pitch, yaw [rad, or units.angle], or quat_wxyz instead")
     quat_wxyz: Row | None = Field(None, description="four numbers w, x, y, z, not all zero, or rpy instead")
 
     @model_validator(mode="after")
@@ -56,7 +62,7 @@ class Held(Table):
 
     mass: Mass = Field(description="a mass [kg], 0 or more")
     com: Three = Field([0.0, 0.0, 0.0], description=f"{THREE} in the tool frame")
-    inertia: Row | None = Field(
+    inertia: Inertia | None = Field(
         None, description="ixx, ixy, ixz, iyy, iyz, izz, or three principal ones, about the com [kg m2]"
     )
 
@@ -64,8 +70,8 @@ class Held(Table):
 class Friction(Table):
     """Friction of the joints: coulomb tanh(v / velocity_scale) + viscous v."""
 
-    coulomb: Each = Field(0.0, description="a number or a list, one a joint [N m or N], 0 or more")
-    viscous: Each = Field(0.0, description="a number or a list, one a joint [N m s or N s/m], 0 or more")
+    coulomb: EachFrom0 = Field(0.0, description="a number or a list, one a joint [N m or N], 0 or more")
+    viscous: EachFrom0 = Field(0.0, description="a number or a list, one a joint [N m s or N s/m], 0 or more")
     velocity_scale: Each = Field(0.01, description="speed over which Coulomb friction turns round [rad/s or m/s]")
 
 
@@ -80,7 +86,7 @@ class RobotTable(Table):
     base: Placement | None = Field(None, description="a table with xyz and rpy or quat_wxyz (of dh)")
     tool_frame: str | None = Field(None, description="the name of a link or frame of the description")
     tool: Placement | None = Field(None, description="a table with xyz and rpy or quat_wxyz, in the tool frame")
-    locked: dict[str, Number] = Field({}, description="a coordinate [angle or length] for each joint that is locked")
+    locked: dict[str, Number] = Field({}, description="a coordinate [rad or m, or as units say] for each locked joint")
     gravity: Three = Field([0.0, 0.0, -9.81], description="three numbers [m/s2] in the world")
     payload: Held | None = Field(None, description="a table with mass and, if need be, com and inertia")
     friction: Friction | None = Field(None, description="a table with coulomb, viscous and velocity_scale")
@@ -100,8 +106,11 @@ class RobotTable(Table):
 class LimitsTable(Table):
     """``[limits]``: what a URDF does not hold has to be given, or waived."""
 
-    description: bool = Field(True, description="true or false: whether the description's own limits hold")
-    position: Bound | None = Field(None, description=LIMIT + "; two lists, since positions are not symmetric")
+    description: Truth = Field(True, description="true or false: whether the description's own limits hold")
+    position: Range | None = Field(
+        None, description="two lists (lower, upper) with one number a joint, a share of the description's such as "
+        '"50 %", or "none"'
+    )  # fmt: skip
     velocity: Bound | None = Field(None, description=LIMIT)
     acceleration: Bound | None = Field(None, description=FREE)
     jerk: Bound | None = Field(None, description=FREE)
@@ -135,6 +144,20 @@ class Derivatives(Table):
     acceleration: Row | None = Field(None, description="a list, one a joint")
 
 
+class Geometry(Table):
+    """A path's own curve through the points of ``via``, over a parameter of its own; what ``retime`` keeps."""
+
+    durations: Row = Field(description="a list of numbers above zero, the steps of the parameter between the points")
+    control_points: list[Rows] = Field(description="a list with the control points of each segment, in rad or m")
+
+    @model_validator(mode="after")
+    def _segments(self) -> Geometry:
+        sizes = {len(row) for rows in self.control_points for row in rows}
+        if len(self.control_points) != len(self.durations) or min(self.durations) <= 0.0 or len(sizes) != 1:
+            raise ValueError("has not as many segments as durations above zero, all of the same joints; give those")
+        return self
+
+
 class MoveTable(Table):
     """``[[move]]``: where to."""
 
@@ -142,16 +165,22 @@ class MoveTable(Table):
     start: Row | None = Field(None, description="a list with one coordinate a joint")
     goal: Row | None = Field(None, description="a list with one coordinate a joint")
     path: str | None = Field(None, description="a CSV, ROS YAML or trajectory file, from the task file's folder")
+    point: Whole | None = Field(
+        None, ge=0, description="a whole number from 0 up, which trajectory of the run folder that path is"
+    )
+    geometry: Geometry | None = Field(None, description="a path's own curve, as a resolved task has it")
     line: Later | None = Field(None, description="")
     arc: Later | None = Field(None, description="")
     poses: Later | None = Field(None, description="")
     blend: Later | None = Field(None, description="")
-    tolerance: Each = Field(0.0, description="a number or a list, one a joint, 0 or more: how near via points count")
-    stop: bool = Field(True, description="true or false: whether the robot rests at the end of the move")
+    tolerance: EachFrom0 = Field(0.0, description="a number or a list, one a joint, 0 or more: how near points count")
+    stop: Truth = Field(True, description="true or false: whether the robot rests at the end of the move")
     dwell: Mass = Field(0.0, description="seconds to stand still after the move, 0 or more")
     begin: Derivatives | None = Field(None, description="a table with velocity and acceleration, of the first move")
     end: Derivatives | None = Field(None, description="a table with velocity and acceleration, of the last move")
-    payload: Held | None = Field(None, description="what is carried on this move, in place of the robot's")
+    payload: Held | None = Field(
+        None, description="a table with mass and, if need be, com and inertia, in place of the robot's"
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> MoveTable:
@@ -160,6 +189,10 @@ class MoveTable(Table):
             raise ValueError(f"has {' and '.join(ways) or 'no way to go'}; give exactly one of via, goal, path")
         if self.start is not None and ways != ["goal"]:
             raise ValueError("has start without goal; give both, or via")
+        if self.point is not None and self.path is None:
+            raise ValueError("has point without path; give the run folder as path")
+        if self.geometry is not None and self.via is None:
+            raise ValueError("has geometry without via; give the points it passes as well")
         if self.dwell and not self.stop:
             raise ValueError("has dwell and stop = false; the robot stands still only where it stops")
         return self
@@ -168,7 +201,9 @@ class MoveTable(Table):
 class FrontTable(Table):
     """``front`` of ``[objective]``: what ``ocp-traj pareto`` trades."""
 
-    objectives: list[str] = Field(min_length=2, description="two or more objectives")
+    objectives: Different = Field(
+        min_length=2, description='two or more different objectives, such as ["time", "effort"]'
+    )
     points: Whole | None = Field(None, ge=2, description="a whole number from 2 up")
     reference: dict[str, Number] = Field({}, description="the worst value worth having, by objective")
 
@@ -176,8 +211,8 @@ class FrontTable(Table):
 class ObjectiveTable(Table):
     """``[objective]``: what is minimised."""
 
-    minimise: str | dict[str, Positive] = Field(
-        "time", description="an objective, or a table of weights, such as { time = 0.5, effort = 0.5 }"
+    minimise: Weights = Field(
+        "time", description="an objective, or a table of weights above zero, such as { time = 0.5, effort = 0.5 }"
     )
     front: FrontTable | None = Field(None, description="a table with objectives, points and reference")
 
@@ -206,7 +241,7 @@ class Task(Table):
     """A task. Its fields are the tables of a task file, by the same names; in SI unless ``units`` say otherwise."""
 
     format: Literal["ocp-traj/task/1"] = Field("ocp-traj/task/1", description=f'"{FORMAT}"')
-    name: str = Field("task", min_length=1, max_length=200, description="a name")
+    name: str = Field("task", min_length=1, max_length=200, description="a text of 1 to 200 letters")
     units: Units = Field(Units(), description="a table with angle and length")
     robot: RobotTable = Field(description="a table, [robot]")
     limits: LimitsTable = Field(LimitsTable(), description="a table, [limits]")
@@ -216,8 +251,8 @@ class Task(Table):
     export: dict[str, Any] | None = Field(None, description="a table, [export]")
     solve: SolveTable = Field(SolveTable(), description="a table, [solve]")
     collision: CollisionTable | None = Field(None, description="a table, [collision]")
-    payload: Mass | None = Field(None, description="a mass [kg] in place of that of the robot's payload")
-    free_payload: bool = Field(False, description="true or false: whether the payload's mass is a variable")
+    payload: Mass | None = Field(None, description="a mass [kg], 0 or more, in place of that of the robot's payload")
+    free_payload: Truth = Field(False, description="true or false: whether the payload's mass is a variable")
     source: Source | None = Field(None, description="what a resolved task was made from")
 
     def __init__(self, **fields: Any) -> None:

@@ -145,7 +145,7 @@ def with_clearance(
         requirements = replace(requirements, clearance_constraints=clear.constraints)
         rows = clear.rows(requirements.parameters)
         return replace(problem, requirements=requirements, chosen_limits=rows, guess=guess)
-    n, dilate, parameters = problem.size, problem.dilate, problem.parameters
+    n, dilate, parameters, read = problem.size, problem.dilate, problem.parameters, problem.variables_of
     (asked,) = (c.clearance for c in clear.constraints if c.id == OBSTACLES)
     most = max(clear.most([q for _, q in points]), asked + ROOM)
     margin = Variable("margin", np.array([asked]), np.array([most]), "m", ("least clearance",), slack_of=CLEARANCE)
@@ -168,6 +168,7 @@ def with_clearance(
         guess=lambda rng: np.append(guess(rng), asked),
         dilate=dilate and (lambda x, s: np.append(dilate(x[:n], s), x[n:])),
         scales_in_time=False,
+        variables_of=read and (lambda motion: np.append(read(motion), motion.parameters.get(CLEARANCE, asked))),
         reference_point={**problem.reference_point, CLEARANCE: asked},
         tighten_slacks=tighten,
         chosen_limits=clear.rows(requirements.parameters),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +14,7 @@ from pydantic import ValidationError
 from ocp_traj.errors import FileFormatError, InputError, cut, quoted
 from ocp_traj.files import LONGEST_PATH, read_text
 from ocp_traj.formulation.task import FORMAT, Source, Task
-from ocp_traj.formulation.task_complaints import complaint, line_of
+from ocp_traj.formulation.task_complaints import complaint, line_of, located
 
 NO_PLACE = "is no place in a task; give one such as robot.payload.mass or move.0.via"
 
@@ -33,7 +34,7 @@ def read_task(path: str | Path, changes: Mapping[str, Any] | None = None) -> Tas
     try:
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
-        raise FileFormatError(f"{name} is not a task file: not TOML ({cut(str(error), 200)})") from error
+        raise FileFormatError(_not_toml(cut(str(error), 200), name)) from error
     if (kind := data.get("format")) != FORMAT:
         raise FileFormatError(f'{name} is not a task file: its format is {quoted(kind)}; write format = "{FORMAT}"')
     for place, value in (changes or {}).items():
@@ -46,6 +47,25 @@ def read_task(path: str | Path, changes: Mapping[str, Any] | None = None) -> Tas
     return task.model_copy(update={"source": Source(file=Path(path).name, sha256=digest)})
 
 
+def _not_toml(words: str, name: str) -> str:
+    """What the reader says, with its line where every complaint has it, and tables as they are written."""
+    words = re.sub(r"\('(\w+)',\)", r"[\1]", words)
+    if (at := re.fullmatch(r"(.*) \(at line (\d+), column (\d+)\)", words)) is None:
+        return f"{name} is not a task file: not TOML ({words})"
+    return f"{name}:{at[2]}: this is not TOML: {at[1][0].lower()}{at[1][1:]} (column {at[3]})"
+
+
+def told(error: InputError, task: str, path: str | Path) -> InputError:
+    """What is wrong with the task of a file, with the file and the line.
+
+    Args:
+        error: of its resolution, or of its problem.
+        task: its name.
+        path: of the file.
+    """
+    return type(error)(located(str(error), task, cut(str(path), LONGEST_PATH), read_text(path, "task")))
+
+
 def task_of(data: Any, name: str = "the task", text: str = "") -> Task:
     """A task of plain values; ``name`` and, where there is one, ``text`` of the file are for complaints."""
     try:
@@ -56,6 +76,14 @@ def task_of(data: Any, name: str = "the task", text: str = "") -> Task:
         raise FileFormatError(complaint(error.__cause__, Task, data, name, text)) from error
     except RecursionError as error:
         raise FileFormatError(f"{name} is nested too deep") from error
+
+
+def changed(task: Task, changes: Mapping[str, Any]) -> Task:
+    """A task with values by dotted place in place of its own; see ``read_task``."""
+    data = task.fields()
+    for place, value in changes.items():
+        _put(data, place, value)
+    return task_of(data) if changes else task
 
 
 def _put(data: dict[str, Any], place: str, value: Any) -> None:

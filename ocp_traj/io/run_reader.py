@@ -69,7 +69,7 @@ def load_run(folder: str | Path, problem: Problem | None = None) -> Front:
         raise
     except (InputError, TypeError, ValueError) as error:
         raise FileFormatError(f"{root / MANIFEST} does not describe a run: {error}") from error
-    if table is not None and list(table.columns) != list(empty.table.columns):
+    if table is not None and list(table.columns) not in (list(empty.table.columns), list(empty.full_table.columns)):
         raise FileFormatError(
             f"{root / TABLE}: its columns are {', '.join(table.columns)}; "
             f"those of {chosen.id} are {', '.join(empty.table.columns)}"
@@ -198,7 +198,7 @@ def _compare(front: Front, table: pd.DataFrame, root: Path) -> None:
         *numbers, _, verdict = row
         file = trajectory_file(root / TRAJECTORIES, index)
         if (
-            not np.array_equal(numbers[len(names) :], point.x)
+            not (len(numbers) == len(names) or np.array_equal(numbers[len(names) :], point.x))
             or not _agree(dict(zip(names, numbers, strict=False)), point.objectives)
             or not _same(Trajectory.load(file), point.trajectory)
         ):
