@@ -37,12 +37,15 @@ from ocp_traj.formulation.requirements import (
 )
 from ocp_traj.formulation.retiming import retiming
 from ocp_traj.formulation.route import Route, exact_points, route_of
+from ocp_traj.formulation.stretches import stretches_of
 from ocp_traj.formulation.task import Task
 from ocp_traj.formulation.task_collision import Clear, with_clearance
 from ocp_traj.formulation.task_file import changed, read_task, task_of, told
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_payload import carried
 from ocp_traj.formulation.task_resolution import resolve
+from ocp_traj.formulation.tool_limits import enough_pieces, tool_limits, tool_speed_limit, tool_tuning
+from ocp_traj.formulation.tool_words import tool_figures, tool_notes
 from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.robot.inertias import missing_inertias, require_exact, require_inertias
 from ocp_traj.robot.numbers import from_numbers
@@ -95,6 +98,9 @@ def _problem(task: Task) -> Problem:
         made = retiming(path, robot.limits, pieces=pieces, rest=rest, units=robot.units)
         return _posed(task, robot, route, clear, made)
     degree = DEGREES.get(kind) or (5 if robot.limits.bounds("snap") is None else 7)
+    stretches = [
+        s for at, move in route.tool_moves for s in stretches_of(at, move, robot.limits, task.limits.tool_speed)
+    ]
     if rest > degree // 2:
         raise InputError(f"{task.name}: [curve] rest is {rest}; {kind} segments hold up to {degree // 2}")
 
@@ -102,12 +108,17 @@ def _problem(task: Task) -> Problem:
         return knot_states(
             route.points, robot.limits, degree=degree, pieces=count, rest=rest, stops=route.stops, dwells=route.dwells,
             via_tolerance=route.tolerance, start=route.begin, end=route.end, joints=robot.joints, units=robot.units,
+            stretches=stretches,
         )  # fmt: skip
 
+    enough = enough_pieces(robot, route, parametrised) if route.tool_moves else 1
     if kind != "auto":
-        return levels_of(parametrised, lambda _, made: _posed(task, robot, route, clear, made), task.curve.pieces or 1)
+        number = task.curve.pieces or enough
+        return levels_of(parametrised, lambda _, made: _posed(task, robot, route, clear, made), number, coarsest=enough)
     coarsest, usual = usual_levels(degree, stops_only=len(route.points) - 2 == len(route.stops))
     pieces, finest = min(coarsest, task.curve.finest), min(usual, task.curve.finest)
+    if route.tool_moves:  # fewer do not keep to the path
+        pieces, finest = enough, max(enough, min(max(usual, 2 * enough), task.curve.finest))
     fixed = next(kind for kind, own in DEGREES.items() if own == degree)
 
     def posed(count: int, made: Parametrisation) -> Problem:
@@ -125,6 +136,8 @@ def _check_curve(task: Task) -> None:
         raise InputError(f"{name}: [curve] pieces is not of {kind}; leave it out, or take quintic, septic or nonic")
     if kind not in ("cubic", "retime"):
         return
+    if any(move.tool_path is not None for move in task.move):
+        raise InputError(f"{name}: [curve] kind: a {kind} curve goes through points; for tool paths take auto")
     if len(task.move) > 1 or task.move[0].begin or task.move[0].end or np.any(task.move[0].tolerance):
         raise InputError(
             f"{name}: [curve] kind: a {kind} curve is one move from rest to rest, without tolerance; take auto"
@@ -138,6 +151,9 @@ def _posed(task: Task, robot: Robot, route: Route, clear: Clear | None, made: Pa
     load = carried(task, robot, route, made)
     masses = np.array([load.mass] if load.mass is not None else [])
     limits = [*standard.joint_limits(robot.limits, *axes), *made.limits]
+    limits += tool_limits(robot, route, made)
+    if task.limits.tool_speed is not None:
+        limits.append(tool_speed_limit(robot, task.limits.tool_speed))
     hull = tuple(limit.id for limit in limits if limit.order in made.hull_rows)
     pair = robot.limits.bounds("effort")
     if pair is not None and np.isfinite(pair).any():
@@ -154,11 +170,15 @@ def _posed(task: Task, robot: Robot, route: Route, clear: Clear | None, made: Pa
         ID, made.variables, made.curve, objectives, wanted, made.guess, task, robot,
         parameters=lambda x: casadi.SX(masses), dilate=made.dilate, scales_in_time=made.scales_in_time,
         variables_of=lambda motion: variables_of(made, motion.curve), reference_point=worst,
-        about=About(title=task.name, curve_kind=f"{task.curve.kind}, {len(made.legs)} legs"),
-        tuning=Tuning(starts=task.solve.starts, hull_rows=hull, solver_options=SOLVER_OPTIONS),
+        about=About(
+            title=task.name, curve_kind=f"{task.curve.kind}, {len(made.legs)} legs",
+            notes=tool_notes(route, sum(len(v.labels) for v in made.variables), len(made.legs[0])),
+            figures=tool_figures(robot.size, limits),
+        ),
+        tuning=Tuning(task.solve.starts, hull_rows=hull, solver_options=SOLVER_OPTIONS, **tool_tuning(route, limits)),
     )  # fmt: skip
     if clear is not None:
-        problem = with_clearance(problem, clear, made, exact_points(route))
+        problem = with_clearance(problem, clear, made, exact_points(route), bent=not route.tool_moves)
     if task.free_payload:
         bounds = {**problem.reference_point, PAYLOAD: 0.0}
         problem = replace(standard.free_payload(problem, HEAVIEST, LIKELY), reference_point=bounds)
@@ -212,14 +232,14 @@ def _requirements(
                     tolerance=REST_TOLERANCE,
                 )
             )  # fmt: skip
-    exact = [0, *range(1, len(route.points) - 1), len(route.points) - 1]
-    if route.tolerance.any() and (inner := exact[1:-1]):
-        exact = [0, exact[-1]]
-        low, high = (route.points[inner] + sign * route.tolerance for sign in (-1.0, 1.0))
+    loose = (route.tolerance > 0.0).any(axis=1)
+    if inner := np.flatnonzero(loose & np.isfinite(route.tolerance).all(axis=1)).tolist():
+        low, high = (route.points[inner] + sign * route.tolerance[inner] for sign in (-1.0, 1.0))
         places = tuple(made.knots[i] for i in inner)
         points.append(
             PointConstraint(NEAR, lambda s: s.q, places, low, high, robot.units, robot.joints, structural=True)
         )
+    exact = np.flatnonzero(~loose).tolist()
     points.append(standard.via_points(route.points[exact], tuple(made.knots[i] for i in exact), *axes))
     waits = tuple(
         DurationConstraint(f"dwell at point {i + 1}", (made.legs[i].start - 1,), *np.full((2, 1), seconds))

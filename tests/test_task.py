@@ -31,7 +31,7 @@ BROKEN = [
     ("jerk = 60.0", 'jerk = "50 %"', r"jerk is a share of the description's; no URDF holds it"),
     ("jerk = 60.0", "", r"\[limits\] jerk is missing: no description holds it"),
     ("jerk = 60.0", "jerk = [1.0, 2.0]", r"\[limits\] jerk has 2 numbers; the robot has 6 joints"),
-    ("jerk = 60.0", "jerk = 60.0\ntool_speed = 0.2", r"tool_speed is not built in this version; leave it out"),
+    ("[[move]]", "[[move]]\nblend = 0.01", r"\[\[move\]\] 1: blend is not built in this version; leave it out"),
     ("[[move]]", "[move]", r"\[move\] is .* give one or more tables"),
     ('minimise = "time"', 'minimise = "tiem"', r"no objective 'tiem' \(nearest is 'time'\)"),
     ('"ur5"\ntool', '"ur55"\ntool', r"'ur55' is no robot of example-robot-data \(nearest is 'ur5'\)"),

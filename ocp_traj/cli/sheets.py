@@ -41,7 +41,8 @@ def problem_list(problems: Sequence[Summary]) -> Sheet:
 def _notes(problem: Problem) -> list[Rows]:
     """What the case fills in where the paper says nothing."""
     notes = [[note] for note in problem.about.notes]
-    return [("Not in the paper", ["this case has"], notes)] if notes else []
+    title = "Not in the paper" if problem.about.reference else "Understood"
+    return [(title, ["this case has"], notes)] if notes else []
 
 
 def _case(problem: Problem) -> dict[str, Any]:

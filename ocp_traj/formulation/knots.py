@@ -19,6 +19,7 @@ from ocp_traj.curves.least_time import least_time, time_law
 from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.problem import Variable
 from ocp_traj.formulation.requirements import ORDERS
+from ocp_traj.formulation.stretches import Stretch
 from ocp_traj.robot.joint_limits import QUANTITIES, JointLimits
 
 PHASES = 7  # of constant jerk, of a shortest motion from rest to rest: that many pieces may hold it exactly
@@ -47,8 +48,9 @@ class Knots:
     """Knots, their states and the segments between them, and which of them are variables.
 
     Attributes:
-        points ``(L + 1, n)``, limits, pieces, even, rest, stops, dwells, tolerance ``(n,)``, joints, units: as of
+        points ``(L + 1, n)``, limits, pieces, even, rest, stops, dwells, joints, units, stretches: as of
             ``knot_states``.
+        tolerance: by which each via point may be missed ``(L + 1, n)``.
         rows: q and its derivatives at a knot.
         given: derivatives ``(k, n)`` at the first (0) and last (-1) knot.
     """
@@ -65,6 +67,7 @@ class Knots:
     given: Mapping[int, Array]
     joints: tuple[str, ...]
     units: tuple[str, ...]
+    stretches: tuple[Stretch, ...] = ()
 
     @cached_property
     def via(self) -> tuple[int, ...]:
@@ -100,8 +103,11 @@ class Knots:
 
     @cached_property
     def least(self) -> Array:
-        """What each leg takes at least from rest to rest ``(L,)`` [s]."""
-        return least_times(self.points, self.limits)
+        """What each leg takes at least from rest to rest, of a stretch what it takes in the start ``(L,)`` [s]."""
+        found = least_times(self.points, self.limits)
+        for stretch in self.stretches:
+            found[stretch.first : stretch.first + len(stretch.times)] = stretch.times
+        return found
 
     @cached_property
     def unit(self) -> float:
@@ -118,8 +124,7 @@ class Knots:
         free, fixed = np.ones((count, self.rows, n), dtype=bool), np.zeros((count, self.rows, n))
         twins = {}
         for i, k in enumerate(self.via):
-            ends = i in (0, len(self.points) - 1)
-            free[k, 0] = ~ends & (self.tolerance > 0.0)
+            free[k, 0] = self.tolerance[i] > 0.0
             fixed[k, 0] = self.points[i]
             if i in self.dwells:
                 free[k, 1:] = free[k + 1] = False
@@ -194,7 +199,7 @@ class Knots:
         point = np.full(self.via[-1] + 1, -1)
         point[list(self.via)] = np.arange(len(self.points))
         held = (order == 0) & (point[knot] >= 0)
-        middle, room = self.points[point[knot[held]], joint[held]], self.tolerance[joint[held]]
+        middle, room = (table[point[knot[held]], joint[held]] for table in (self.points, self.tolerance))
         low[held], high[held] = np.maximum(low[held], middle - room), np.minimum(high[held], middle + room)
         return low, high
 
@@ -267,11 +272,17 @@ class Knots:
     def guess(self, rng: np.random.Generator) -> Array:
         """A start within the bounds, a little slower than a shortest motion with stops.
 
-        From stop to stop it is a cubic spline through the via points between; where there are none, straight.
+        From stop to stop it is a cubic spline through the via points between; where there are none, straight; along
+        stretches as they are.
         """
         durations, states = self.waits.copy(), self.places[1].copy()
-        halts = [0, *sorted({*self.stops, *self.dwells}), len(self.legs)]
+        given = {stretch.first: stretch for stretch in self.stretches}
+        ends = {i for s in self.stretches for i in (s.first, s.first + len(s.times))}
+        halts = sorted({0, *self.stops, *self.dwells, *ends, len(self.legs)})
         for begin, end in pairwise(halts):
+            if begin in given:
+                self._along(given[begin], rng.uniform(*SLOWER_ALONE), durations, states)
+                continue
             alone = end == begin + 1
             slower = rng.uniform(*(SLOWER_ALONE if alone else SLOWER), size=end - begin)
             if alone:
@@ -300,6 +311,17 @@ class Knots:
         inner = np.append(0.0, np.cumsum(durations[first:last]))[1:-1]
         for order in range(3):
             states[first + 1 : last, order] = spline(inner, order)
+
+    def _along(self, stretch: Stretch, slower: float, durations: Array, states: Array) -> None:
+        """Puts the legs of a stretch, made slower, into durations and states."""
+        legs = self.legs[stretch.first : stretch.first + len(stretch.times)]
+        first, last = legs[0].start, legs[-1].stop
+        durations[first:last] = np.repeat(stretch.times * slower / self.pieces, self.pieces)
+        inner = np.append(0.0, np.cumsum(durations[first:last]))[:-1]
+        found = stretch.states(inner / slower)
+        states[[first, last], 0] = self.points[[stretch.first, stretch.first + len(legs)]]
+        for order in range(3):
+            states[first + 1 : last, order] = found[order, 1:] / slower**order
 
     def law(self, leg: int) -> tuple[Array, Array]:
         """Durations ``(pieces,)`` [s] of a leg's pieces, and (s, s', s'') at their ends ``(pieces + 1, 3)``.

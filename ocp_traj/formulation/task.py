@@ -39,6 +39,8 @@ from ocp_traj.formulation.task_values import (
 FORMAT = "ocp-traj/task/1"
 KINDS = ("cubic", "quintic", "septic", "nonic", "auto", "retime")
 QUANTITIES = ("position", "velocity", "acceleration", "jerk", "snap", "effort")
+TOOL_WAYS = ("line", "arc", "poses")  # of a move
+WAYS = ("via", "goal", "path", *TOOL_WAYS)
 
 
 class Placement(Table):
@@ -116,7 +118,7 @@ class LimitsTable(Table):
     jerk: Bound | None = Field(None, description=FREE)
     snap: Bound | None = Field(None, description=FREE)
     effort: Bound | None = Field(None, description=LIMIT)
-    tool_speed: Later | None = Field(None, description="")
+    tool_speed: Positive | None = Field(None, description="a speed above zero [length/s] of the tool frame's origin")
 
 
 class CurveTable(Table):
@@ -144,6 +146,104 @@ class Derivatives(Table):
     acceleration: Row | None = Field(None, description="a list, one a joint")
 
 
+class Turned(Table):
+    """How the tool is turned where a tool path ends; as at its beginning where nothing is said."""
+
+    rpy: Three | None = Field(None, description="roll, pitch, yaw [angle] in the world, or quat_wxyz instead")
+    quat_wxyz: Row | None = Field(None, description="four numbers w, x, y, z, not all zero, or rpy instead")
+
+    @model_validator(mode="after")
+    def _one_rotation(self) -> Turned:
+        if self.rpy is not None and self.quat_wxyz is not None:
+            raise ValueError("gives rpy and quat_wxyz; give one of them")
+        if self.quat_wxyz is not None and not (len(self.quat_wxyz) == 4 and any(self.quat_wxyz)):
+            raise ValueError("gives a quat_wxyz that is no rotation; give four numbers w, x, y, z, not all zero")
+        return self
+
+
+class LineTable(Turned):
+    """``line`` of a move: straight from where it begins."""
+
+    by: Three | None = Field(None, description=f"{THREE} in the world, from where the move begins")
+    to: Three | None = Field(None, description=f"{THREE} in the world")
+
+    @model_validator(mode="after")
+    def _one_end(self) -> LineTable:
+        if (self.by is None) == (self.to is None):
+            raise ValueError("gives by and to; give one of them" if self.by else "gives no end; give by or to")
+        return self
+
+
+class ArcTable(Turned):
+    """``arc`` of a move: through a point to another, or about an axis by an angle."""
+
+    via: Three | None = Field(None, description=f"{THREE} in the world, on the arc")
+    to: Three | None = Field(None, description=f"{THREE} in the world, its end")
+    centre: Three | None = Field(None, description=f"{THREE} in the world, on the axis")
+    axis: Three | None = Field(None, description="three numbers, not all zero: about which it turns, right-handed")
+    angle: Number | None = Field(None, description="an angle, not zero and at most one turn either way")
+    with_arc: bool = Field(False, description="true or false: whether the tool turns along with the arc")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> ArcTable:
+        given = {name for name in ("via", "to", "centre", "axis", "angle") if getattr(self, name) is not None}
+        if given not in ({"via", "to"}, {"centre", "axis", "angle"}):
+            raise ValueError(f"has {', '.join(sorted(given)) or 'no end'}; give via and to, or centre, axis and angle")
+        if self.with_arc and (self.rpy is not None or self.quat_wxyz is not None):
+            raise ValueError("has with_arc and a rotation at its end; give one of them")
+        if self.axis is not None and not any(self.axis):
+            raise ValueError("has an axis of zeros; give three numbers, not all zero")
+        return self
+
+
+class PoseTable(Turned):
+    """One of ``poses`` of a move."""
+
+    xyz: Three = Field(description=f"{THREE} in the world")
+
+
+class ToleranceTable(Table):
+    """``tolerance`` of a move along a tool path."""
+
+    position: Positive = Field(description="a length above zero: distance of the tool frame's origin from the path")
+    tilt: Positive = Field(description="an angle above zero and below a half turn, between the tool and the path's")
+
+
+class SpeedTable(Table):
+    """``speed`` of a move along a tool path, constant but for what it takes to start and stop."""
+
+    value: Positive = Field(description="a speed above zero [length/s] of the tool frame's origin")
+    band: Positive = Field(0.02, lt=1.0, description="a share below 1, by which the speed may be off either way")
+    run_up: Positive | None = Field(
+        None, description="a length of path at each end, in which the speed is free; a tenth of the path's if not given"
+    )
+
+
+class SectionTable(Table):
+    """A line or an arc of a resolved tool path, along which the tool turns by a rotation vector, all in SI."""
+
+    by: Three | None = Field(None, description="three numbers [m]: of a line")
+    centre: Three | None = Field(None, description="three numbers [m]: of an arc")
+    axis: Three | None = Field(None, description="three numbers, not all zero: of an arc")
+    angle: Number | None = Field(None, description="a number [rad]: of an arc")
+    turn: Three = Field([0.0, 0.0, 0.0], description="three numbers [rad]: a rotation vector in the world")
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> SectionTable:
+        given = {name for name in ("by", "centre", "axis", "angle") if getattr(self, name) is not None}
+        if given not in ({"by"}, {"centre", "axis", "angle"}):
+            raise ValueError(f"has {', '.join(sorted(given)) or 'nothing'}; give by, or centre, axis and angle")
+        return self
+
+
+class ToolPathTable(Table):
+    """A resolved tool path: where it begins, and its sections."""
+
+    pose: Row = Field(description="seven numbers x, y, z [m], w, x, y, z: the tool frame where it begins")
+    sections: list[SectionTable] = Field(min_length=1, description="one or more tables")
+    branch: str = Field("", description="words on how the posture at its beginning was chosen")
+
+
 class Geometry(Table):
     """A path's own curve through the points of ``via``, over a parameter of its own; what ``retime`` keeps."""
 
@@ -169,11 +269,23 @@ class MoveTable(Table):
         None, ge=0, description="a whole number from 0 up, which trajectory of the run folder that path is"
     )
     geometry: Geometry | None = Field(None, description="a path's own curve, as a resolved task has it")
-    line: Later | None = Field(None, description="")
-    arc: Later | None = Field(None, description="")
-    poses: Later | None = Field(None, description="")
+    line: LineTable | None = Field(None, description="a table with by or to, and rpy or quat_wxyz")
+    arc: ArcTable | None = Field(None, description="a table with via and to, or centre, axis and angle")
+    poses: list[PoseTable | Row] | None = Field(
+        None,
+        min_length=1,
+        description="a list of poses, each x, y, z, w, x, y, z or a table with xyz and rpy or quat_wxyz",
+    )
     blend: Later | None = Field(None, description="")
-    tolerance: EachFrom0 = Field(0.0, description="a number or a list, one a joint, 0 or more: how near points count")
+    tolerance: ToleranceTable | EachFrom0 = Field(
+        0.0,
+        description="a number or a list, one a joint, 0 or more: how near points count; of a tool path a table with "
+        "position and tilt",
+    )
+    free_turn: Truth = Field(False, description="true or false: whether the tool may turn about its axis z as it likes")
+    speed: SpeedTable | Positive | None = Field(
+        None, description="a speed above zero [length/s] of the tool, or a table with value, band and run_up"
+    )
     stop: Truth = Field(True, description="true or false: whether the robot rests at the end of the move")
     dwell: Mass = Field(0.0, description="seconds to stand still after the move, 0 or more")
     begin: Derivatives | None = Field(None, description="a table with velocity and acceleration, of the first move")
@@ -181,13 +293,15 @@ class MoveTable(Table):
     payload: Held | None = Field(
         None, description="a table with mass and, if need be, com and inertia, in place of the robot's"
     )
+    tool_path: ToolPathTable | None = Field(None, description="")
 
     @model_validator(mode="after")
     def _one_way(self) -> MoveTable:
-        ways = [name for name in ("via", "goal", "path") if getattr(self, name) is not None]
+        ways = [name for name in WAYS if getattr(self, name) is not None]
         if len(ways) != 1:
-            raise ValueError(f"has {' and '.join(ways) or 'no way to go'}; give exactly one of via, goal, path")
-        if self.start is not None and ways != ["goal"]:
+            raise ValueError(f"has {' and '.join(ways) or 'no way to go'}; give exactly one of {', '.join(WAYS)}")
+        tool = ways[0] in TOOL_WAYS or self.tool_path is not None
+        if self.start is not None and ways != ["goal"] and not tool:
             raise ValueError("has start without goal; give both, or via")
         if self.point is not None and self.path is None:
             raise ValueError("has point without path; give the run folder as path")
@@ -195,6 +309,14 @@ class MoveTable(Table):
             raise ValueError("has geometry without via; give the points it passes as well")
         if self.dwell and not self.stop:
             raise ValueError("has dwell and stop = false; the robot stands still only where it stops")
+        if tool and not isinstance(self.tolerance, ToleranceTable):
+            raise ValueError("has no tolerance of its tool path; give tolerance = { position = .., tilt = .. }")
+        if not tool:
+            if isinstance(self.tolerance, ToleranceTable):
+                raise ValueError(f"has a tolerance of a tool path and goes by {ways[0]}; give a number, or a list")
+            for name in ("free_turn", "speed"):
+                if getattr(self, name):
+                    raise ValueError(f"{name} is of a tool path; leave it out, or give one of {', '.join(TOOL_WAYS)}")
         return self
 
 

@@ -127,7 +127,7 @@ def least_distances(distances: PairDistances, q: Array) -> Array:
 
 
 def with_clearance(
-    problem: Problem, clear: Clear, made: Parametrisation, points: Sequence[tuple[str, Array]]
+    problem: Problem, clear: Clear, made: Parametrisation, points: Sequence[tuple[str, Array]], *, bent: bool = True
 ) -> Problem:
     """A problem with limits on distances; where there are obstacles, with their clearance as an objective as well.
 
@@ -136,10 +136,10 @@ def with_clearance(
         clear: the limits.
         made: its curve.
         points: that every motion passes, in words and ``(dof,)``.
+        bent: whether starts may leave the way between points, to go around.
     """
-    guess = (
-        around(made, problem.robot.limits, clear.room) if made.refine is None and len(made.legs[0]) > 1 else made.guess
-    )
+    own_guess = not bent or made.refine is not None or len(made.legs[0]) == 1
+    guess = made.guess if own_guess else around(made, problem.robot.limits, clear.room)
     requirements = problem.requirements
     if not clear.keeps_off_obstacles:
         requirements = replace(requirements, clearance_constraints=clear.constraints)

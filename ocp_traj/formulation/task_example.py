@@ -67,11 +67,16 @@ TO_COPY = {
     "robot.locked": "{ finger_joint = 0.02 }",
     "robot.friction": "{ coulomb = 1.5, viscous = [9.0, 9.0, 5.0, 1.0, 1.0, 1.0], velocity_scale = 0.01 }",
     "limits.snap": "1500.0",
+    "limits.tool_speed": "0.25",
     "curve.pieces": "2",
     "move.start": "[0.0, -1.2, 1.4, -1.7, -1.5, 0.0]",
     "move.goal": "[1.2, -1.3, 1.5, -1.8, -1.5, 0.0]",
     "move.path": '"points.csv"',
     "move.point": "0",
+    "move.line": "{ by = [0.0, 0.3, 0.05] }",
+    "move.arc": "{ via = [0.4, 0.3, 0.5], to = [0.3, 0.4, 0.5] }",
+    "move.poses": "[[0.4, 0.2, 0.5, 0.0, 1.0, 0.0, 0.0], { xyz = [0.4, 0.3, 0.5], rpy = [3.1416, 0.0, 0.0] }]",
+    "move.speed": "0.1",
     "move.tolerance": "0.01",
     "move.begin": "{ velocity = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], acceleration = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0] }",
     "move.end": "{ velocity = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0] }",
@@ -102,15 +107,21 @@ MEANING = {
     "limits.jerk": "[rad/s3 or m/s3].",
     "limits.snap": "[rad/s4 or m/s4]; none without it.",
     "limits.effort": "[N m or N], of the motors.",
+    "limits.tool_speed": "[m/s], along any direction; none without it.",
     "curve": "Of what the motion is made.",
     "curve.kind": "auto takes as many pieces as pay; cubic is one spline; retime keeps the geometry of a path.",
     "curve.pieces": "Not for auto and cubic.",
     "curve.finest": "For auto: fewer are quicker to solve, more are faster motions.",
     "curve.gain": "For auto.",
     "curve.rest": "2: velocity and acceleration.",
-    "move": "One table a move; one way to go in each: via, goal (with start in the first move), path. Tables that "
-    "follow begin where the one before ends.",
+    "move": "One table a move; one way to go in each: via, goal (with start in the first move), path, line, arc, "
+    "poses. Tables that follow begin where the one before ends.",
     "move.via": "[rad or m].",
+    "move.line": "A tool path, straight, with a tolerance = { position = 1e-3, tilt = 0.035 }; the first begins at start.",
+    "move.arc": "A tool path, round. The tool keeps its rotation, unless one is given at the end, or with_arc.",
+    "move.poses": "A tool path, straight from pose to pose; without start the first move begins at the first.",
+    "move.free_turn": "Of tool paths.",
+    "move.speed": "Of tool paths [m/s]: constant, but at either end; limits.tool_speed is a bound.",
     "move.tolerance": "[rad or m].",
     "move.dwell": "[s].",
     "move.begin": "[rad/s, rad/s2], in place of rest.",
@@ -167,7 +178,8 @@ def _keys(table: type[BaseModel], prefix: str) -> Iterator[str]:
 def _key(table: type[BaseModel], name: str, prefix: str) -> list[str]:
     """The lines of a key: what it is, what it may be, and its value."""
     field, place = table.model_fields[name], prefix + name
-    words = " ".join(filter(None, (MEANING.get(place), f"{str(field.description)[0].upper()}{field.description[1:]}.")))
+    allowed = str(field.description)
+    words = " ".join(filter(None, (MEANING.get(place), f"{allowed[0].upper()}{allowed[1:]}.")))
     lines = ["", *_comment(f"{name}: {words}")]
     if (inner := _table_in(field.annotation)) is not None:
         for key, own in inner.model_fields.items():

@@ -16,8 +16,19 @@ from ocp_traj.display import count
 from ocp_traj.errors import InputError
 from ocp_traj.formulation.collision_resolution import resolved_collision
 from ocp_traj.formulation.move_path import resolved_path
-from ocp_traj.formulation.task import Derivatives, Held, MoveTable, Placement, RobotTable, Source, Task, Units
+from ocp_traj.formulation.task import (
+    TOOL_WAYS,
+    Derivatives,
+    Held,
+    MoveTable,
+    Placement,
+    RobotTable,
+    Source,
+    Task,
+    Units,
+)
 from ocp_traj.formulation.task_values import share_of
+from ocp_traj.formulation.tool_moves import resolved_tool_move
 from ocp_traj.robot.descriptions import description_urdf
 from ocp_traj.robot.dh import robot_of_rows
 from ocp_traj.robot.dynamics import Friction
@@ -69,17 +80,25 @@ def resolve(task: Task, folder: Path) -> Task:
                 else "has start, but begins where the one before ends; leave start out"
             )  # fmt: skip
             raise InputError(f"{task.name}: [[move]] {i + 1} {words}, or give via")
-    moves = []
+    moves: list[MoveTable] = []
     for i, move in enumerate(task.move):
         with _of_move(task, i):
+            if any(getattr(move, way) is not None for way in TOOL_WAYS) or move.tool_path is not None:
+                before = np.array(moves[-1].via[-1]) if moves and moves[-1].via else None
+                along = resolved_tool_move(move, robot, before, angle, length)
+                moves.append(along.model_copy(update={"payload": _resolved_held(move.payload, length)}))
+                continue
             moves.append(_resolved_move(move, task, folder, robot, factor, length))
     if (collision := task.collision) is not None:
         urdf = _urdf(task.robot, folder)
         collision = resolved_collision(collision, task.name, robot, urdf, folder, angle, length)
     payload = _resolved_held(task.robot.payload, length)
+    waived = dict.fromkeys(QUANTITIES)
+    if task.limits.tool_speed is not None:
+        waived["tool_speed"] = task.limits.tool_speed * length
     changed = {
         "units": Units(), "robot": RobotTable(numbers=to_numbers(robot), payload=payload),
-        "limits": task.limits.model_copy(update={name: None for name in QUANTITIES}), "move": moves,
+        "limits": task.limits.model_copy(update=waived), "move": moves,
         "collision": collision,
         "source": task.source or Source(file="code", sha256=""),
     }  # fmt: skip
