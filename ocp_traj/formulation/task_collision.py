@@ -27,7 +27,7 @@ from ocp_traj.robot.robot import Robot
 CLEARANCE = "clearance"  # objective, and parameter of a trajectory: the distance to all obstacles that it keeps
 OBSTACLES, OWN = "obstacles", "self-collision"  # limits
 ROOM = 1e-3  # [m] of the clearance above the least one, even where the ends leave less: our choice
-RESERVE = 1e-7  # [m] by which a clearance is reported short of what was found, so that it can be proved: our choice
+RESERVE = 1e-4  # [m] by which a clearance is told short of what was found: what a controller makes of a motion is within
 DENSE = 65  # samples a segment of a search for the least distance: our choice
 NEAR = 0.05  # [m] beyond the least bound found, within which distances are computed: our choice
 
@@ -155,7 +155,7 @@ def with_clearance(
 
     def tighten(x: Array) -> Array:
         tight = np.array(x, dtype=float)
-        tight[n] = np.clip(_along(clear, made.curve(tight[:n])) - RESERVE, asked, most)
+        tight[n] = np.clip(_along(clear, made.curve(tight[:n])) - RESERVE, tight[n], most)
         return tight
 
     return replace(
