@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from ocp_traj.arrays import Index
+from ocp_traj.arrays import Array, Index
+from ocp_traj.curves.motion import Motion
 from ocp_traj.errors import ProblemDefinitionError, quoted
 from ocp_traj.robot.bodies import Body, unique_names
 from ocp_traj.robot.robot import Robot
+
+SIZE = 0.1  # [m] by which distances are divided where limits are compared: our choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +30,7 @@ class ClearanceConstraint:
         bodies: of links and surroundings.
         pairs: indices of two bodies each, of which at least one moves against the other.
         clearance: least distance [m], zero or more.
+        parameter: of the trajectory, which asks for that distance in place of ``clearance``; empty for none.
         eq: equation or table of the source.
     """
 
@@ -34,6 +40,8 @@ class ClearanceConstraint:
     pairs: tuple[tuple[int, int], ...]
     clearance: float
     eq: str = ""
+    parameter: str = ""
+    _made: dict[Hashable, Any] = field(default_factory=dict, repr=False, init=False)
 
     def __post_init__(self) -> None:
         """Checks that bodies, pairs and robot fit."""
@@ -62,6 +70,10 @@ class ClearanceConstraint:
                     "other; leave the pair out"
                 )
 
+    def least(self, motion: Motion) -> float:
+        """The distance that a motion has to keep [m]."""
+        return float(motion.parameters[self.parameter]) if self.parameter else self.clearance
+
     @cached_property
     def labels(self) -> tuple[str, ...]:
         """One a row: a row is all pairs of bodies of the same two links."""
@@ -72,6 +84,17 @@ class ClearanceConstraint:
         """The row of each pair ``(pairs,)``."""
         rows = {label: row for row, label in enumerate(self.labels)}
         return np.array([rows[label] for label in self._links], dtype=np.intp)
+
+    @property
+    def scale(self) -> Array:
+        """Size of each row ``(rows,)`` [m]."""
+        return np.full(len(self.labels), SIZE)
+
+    def made(self, key: Hashable, build: Callable[[], Any]) -> Any:
+        """Something built from the constraint, kept for the next use."""
+        if key not in self._made:
+            self._made[key] = build()
+        return self._made[key]
 
     @property
     def units(self) -> tuple[str, ...]:
