@@ -106,8 +106,11 @@ def tool_tuning(tuning: Tuning, route: Route, limits: Sequence[PathConstraint]) 
     for limit in limits:
         many = limit.id.startswith("tool-")
         instants[limit.id] = MANY if many else () if limit.order is None else FEW
+    tuning = replace(tuning, instants=instants, max_exchanges=MOST_EXCHANGES)
+    if any(move.speed is not None for _, move in route.tool_moves):  # there it takes too many rounds
+        return tuning
     options = {**tuning.solver_options, "ipopt": {**tuning.solver_options.get("ipopt", {}), **NARROW}}
-    return replace(tuning, instants=instants, max_exchanges=MOST_EXCHANGES, solver_options=options)
+    return replace(tuning, solver_options=options)
 
 
 def _name(number: int) -> str:
