@@ -36,9 +36,10 @@ from ocp_traj.formulation.requirements import (
     Requirements,
 )
 from ocp_traj.formulation.retiming import retiming
-from ocp_traj.formulation.route import Route, route_of
+from ocp_traj.formulation.route import Route, exact_points, route_of
 from ocp_traj.formulation.stretches import stretches_of
 from ocp_traj.formulation.task import Task
+from ocp_traj.formulation.task_collision import Clear, with_clearance
 from ocp_traj.formulation.task_file import changed, read_task, task_of, told
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_payload import carried
@@ -86,13 +87,16 @@ def _problem(task: Task) -> Problem:
     robot = from_numbers(task.robot.numbers)
     route, kind, rest = route_of(task, robot.size), task.curve.kind, task.curve.rest
     _check_curve(task)
+    clear = None if task.collision is None else Clear.of(task.name, task.collision, robot)
+    if clear is not None:
+        clear.require_clear(exact_points(route))
     if kind == "cubic":
-        return _posed(task, robot, route, global_cubic(route.points, robot.limits))
+        return _posed(task, robot, route, clear, global_cubic(route.points, robot.limits))
     if kind == "retime":
         path = retimed_path(task, route, robot.joints, robot.limits)
         pieces = retimed_pieces(task, path.curve.segments)
         made = retiming(path, robot.limits, pieces=pieces, rest=rest, units=robot.units)
-        return _posed(task, robot, route, made)
+        return _posed(task, robot, route, clear, made)
     degree = DEGREES.get(kind) or (5 if robot.limits.bounds("snap") is None else 7)
     stretches = [
         s for at, move in route.tool_moves for s in stretches_of(at, move, robot.limits, task.limits.tool_speed)
@@ -110,7 +114,7 @@ def _problem(task: Task) -> Problem:
     enough = enough_pieces(robot, route, parametrised) if route.tool_moves else 1
     if kind != "auto":
         number = task.curve.pieces or enough
-        return levels_of(parametrised, lambda _, made: _posed(task, robot, route, made), number, coarsest=enough)
+        return levels_of(parametrised, lambda _, made: _posed(task, robot, route, clear, made), number, coarsest=enough)
     coarsest, usual = usual_levels(degree, stops_only=len(route.points) - 2 == len(route.stops))
     pieces, finest = min(coarsest, task.curve.finest), min(usual, task.curve.finest)
     if route.tool_moves:  # fewer do not keep to the path
@@ -120,7 +124,7 @@ def _problem(task: Task) -> Problem:
     def posed(count: int, made: Parametrisation) -> Problem:
         # What refinement finds is a curve of so many pieces, whatever led to it.
         curve = task.curve.model_copy(update={"kind": fixed, "pieces": count})
-        return _posed(task if count == pieces else task.model_copy(update={"curve": curve}), robot, route, made)
+        return _posed(task if count == pieces else task.model_copy(update={"curve": curve}), robot, route, clear, made)
 
     return levels_of(parametrised, posed, pieces, finest=finest, gain=task.curve.gain)
 
@@ -142,7 +146,7 @@ def _check_curve(task: Task) -> None:
         raise InputError(f"{name}: [curve] rest is {task.curve.rest}; a cubic rests to the 2nd derivative: give 2")
 
 
-def _posed(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Problem:
+def _posed(task: Task, robot: Robot, route: Route, clear: Clear | None, made: Parametrisation) -> Problem:
     axes = robot.joints, robot.units
     load = carried(task, robot, route, made)
     masses = np.array([load.mass] if load.mass is not None else [])
@@ -174,8 +178,11 @@ def _posed(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Pro
         ),
         tuning=tool_tuning(tuning, route, limits),
     )  # fmt: skip
+    if clear is not None:
+        problem = with_clearance(problem, clear, made, exact_points(route), bent=not route.tool_moves)
     if task.free_payload:
-        problem = replace(standard.free_payload(problem, HEAVIEST, LIKELY), reference_point=worst | {PAYLOAD: 0.0})
+        bounds = {**problem.reference_point, PAYLOAD: 0.0}
+        problem = replace(standard.free_payload(problem, HEAVIEST, LIKELY), reference_point=bounds)
     objectives, default = _minimised(task, problem.objectives)
     return replace(problem, objectives=objectives, default_objective=default)
 

@@ -6,9 +6,9 @@ is halved along its longer side: one objective is bounded at the middle, the oth
 attainment towards the ideal, inside the reference box, along a lattice of weights (Das and Dennis, 1998), and, where
 that leaves points to be had, along the directions of finer lattices that are farthest from all points so far.
 
-Each solve begins in the middle of two neighbours, which is nearer by an order than they are. Where they are of two
-families time scaling gives the start: a dilated solution keeps its path, so one solution is a whole ray of candidates,
-evaluated in one pass of the tape; the best one that meets the bound is where the local solver begins.
+A solve between two neighbours begins in their middle, which is nearer by an order than they are. Elsewhere, and where
+they are of two families, time scaling gives the start: a dilated solution keeps its path, so one solution is a whole
+ray of candidates, evaluated in one pass of the tape; the best one that meets the bound is where the solver begins.
 """
 
 from __future__ import annotations
@@ -278,6 +278,8 @@ class _Trace:
     def _point(self, scalar: Scalarisation, neighbours: list[int], bounds: Mapping[int, float], span: Array) -> bool:
         """Solves for one more point; whether one was found that is not there already."""
         x0, nearest = self._start(neighbours, bounds)
+        middle = self._middle(neighbours) if bounds else None
+        x0 = x0 if middle is None else middle
         known = self.solutions[nearest]
         # Where solutions are compared, or asked for less than they keep, each is proved at once.
         at_once = self.problem.tighten_slacks is not None or self.problem.tuning.starts > 1
@@ -333,31 +335,27 @@ class _Trace:
             self.values = np.delete(self.values, i, axis=0)
 
     def _start(self, neighbours: list[int], bounds: Mapping[int, float]) -> tuple[Array, int]:
-        """Where to begin, and the neighbour whose multipliers to begin with.
-
-        That is the best of the neighbours' rays: within the bounds first, then least in the sum of what is free. Of two
-        neighbours the middle is nearer by an order where they are of one family: where its objectives are between
-        theirs.
-        """
+        """The best of the neighbours' rays: within the bounds first, then least in the sum of what is free."""
         candidates = [(self.solutions[i].x, i) for i in neighbours]
         if self.problem.dilate is not None:
             dilated = [(np.asarray(self.problem.dilate(x, s)), i) for x, i in candidates for s in RAY]
             inside = [(x, i) for x, i in dilated if (x <= self.problem.upper).all() and (x >= self.problem.lower).all()]
             candidates += inside
-        middle = np.mean([self.solutions[i].x for i in neighbours], axis=0)
-        vectors = np.array([*(x for x, _ in candidates), middle])
-        evaluated = self.population.evaluate(vectors, limits=False).objectives * self.signs
-        values, between = evaluated[:-1], evaluated[-1]
+        values = self.population.evaluate(np.array([x for x, _ in candidates]), limits=False).objectives * self.signs
         span = np.maximum(np.ptp(self.values, axis=0), 1e-12)
         over = sum(
             (np.maximum(values[:, k] - bound, 0.0) / span[k] for k, bound in bounds.items()), np.zeros(len(values))
         )
         free = [k for k in range(len(self.names)) if k not in bounds]
         merit = 1e3 * over + (values[:, free] / span[free]).sum(axis=1)
-        x0, nearest = candidates[int(np.argmin(merit))]
-        known = self.values[neighbours]
-        of_one_family = ((known.min(axis=0) <= between) & (between <= known.max(axis=0))).all()
-        return (middle, nearest) if len(neighbours) == 2 and bounds and of_one_family else (x0, nearest)
+        return candidates[int(np.argmin(merit))]
+
+    def _middle(self, pair: list[int]) -> Array | None:
+        """The middle of two neighbours of one family of trajectories, which has its objectives between theirs."""
+        x = np.mean([self.solutions[i].x for i in pair], axis=0)
+        objectives, known = evaluate_objectives(self.problem, x), self.values[pair]
+        values = self.signs * np.array([objectives[name] for name in self.names])
+        return x if ((known.min(axis=0) <= values) & (values <= known.max(axis=0))).all() else None
 
     def _count(self, scalar: Scalarisation, solution: Solution) -> None:
         if self.tracer.found is not ignore:

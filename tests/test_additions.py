@@ -11,6 +11,7 @@ from examples import own_limit
 from ocp_traj.cli.commands import run
 from ocp_traj.errors import InputError
 from ocp_traj.results.starts import levels_to
+from ocp_traj.transcription.symbolic import evaluate_objectives
 
 ARM = {
     "dh": [
@@ -127,6 +128,22 @@ def test_a_file_of_an_importable_problem_is_audited_with_it(tmp_path: Path) -> N
     assert run(["audit", str(file)]) == 0
     light = ot.problems.load("examples.own_limit:build", **{"robot.payload.mass": "1.5"})
     assert light.case.robot.payload.mass == 1.5 and "tool-speed" in light.requirements.ids
+
+
+def test_efforts_have_what_each_move_carries() -> None:
+    first, *others = MOVE[0]["via"]
+    moves = [{"via": [first, others[0]]}, {"goal": others[1], "payload": {"mass": 6.0}}]
+    problem = ot.problems.load("task", robot=ARM, limits=LIMITS, curve={"kind": "quintic"}, move=moves)
+    most = casadi.DM(LIMITS["effort"])
+    problem = ot.with_objective(problem, "own", lambda s: casadi.sumsqr(s.tau / most), "s")
+    problem = ot.with_limit(problem, "own-limit", lambda s: s.tau[1:], -150.0, 150.0, "N m")
+    assert problem.requirements.path_constraints[-1].constants is not None
+    values = evaluate_objectives(problem, problem.guess(np.random.default_rng(0)))
+    assert values["own"] == pytest.approx(values["effort"], rel=1e-12)
+    found = ot.solve(problem)
+    assert found.audit is not None and found.audit.proved
+    own, effort = ([r.attained for r in found.audit.rows if r.limit == n] for n in ("own-limit", "effort-limit"))
+    np.testing.assert_allclose(own, effort[1:], rtol=1e-9)
 
 
 def test_what_cannot_be_added_is_refused() -> None:

@@ -1,4 +1,4 @@
-"""Kernels: a sum of squares is what differentiating it as a whole gives; nodes of a task's integrals suffice."""
+"""Kernels: the sum of squares of rows is what differentiating it as a whole gives; nodes of integrals suffice."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -46,6 +46,15 @@ def test_limits_on_derivatives_share_the_time_among_them(file: str, changes: dic
     assert shares == pytest.approx(solution.f, rel=2e-6)  # of the back-off of 1e-9 and tolerances of 1e-8
 
 
+def test_a_bound_of_zero_has_a_slope_and_no_per_cent() -> None:
+    """Obstacles do not change with time, so that the identity is of the limits on derivatives alone."""
+    solution = ot.solve(ot.problems.load("wrist-obstacle"), objective="time", starts=2, certify=False)
+    (obstacle,) = (g for g in solution.gains if g.limit == "obstacles")
+    assert obstacle.gain == 0.0 and obstacle.slope > 0.0
+    shares = sum(ORDER.get(limit, 0) * gain * 100.0 for limit, gain in _per_limit(solution).items())
+    assert shares == pytest.approx(solution.f, rel=2e-6)
+
+
 def _wider(problem: Problem, limit: str, row: int, factor: float) -> Problem:
     """The problem with one row of a limit so many times as wide."""
 

@@ -1,4 +1,4 @@
-"""Payloads that change between the moves of a task: efforts against Pinocchio, objectives, proof what is refused."""
+"""Payloads that change between moves: efforts against Pinocchio, objectives, proof and what is refused."""
 
 import json
 from pathlib import Path

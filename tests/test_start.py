@@ -99,3 +99,13 @@ def test_what_does_not_fit_is_refused_with_the_reason(
     capsys.readouterr()
     assert run(["solve", "rotor-353", "--start", str(tmp_path / "none.json")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_run_of_a_refined_task_is_opened_at_the_level_it_was_traced_at(tmp_path: Path) -> None:
+    problem = _load(kind="auto", finest=2)
+    front = ot.pareto(problem, ["time", "energy"], points=3, output=tmp_path / "run")
+    again = ot.load_run(tmp_path / "run")
+    assert front.problem.size == again.problem.size > problem.size
+    assert again.table.equals(front.table) and all(point.verdict == "proved" for point in again.points)
+    found = ot.solve(problem, objective="energy", start=tmp_path / "run")
+    assert found.f <= front.table["energy [W2 s]"].min() * (1.0 + 1e-6) and found.x.size == again.problem.size

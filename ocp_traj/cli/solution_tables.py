@@ -31,7 +31,7 @@ def gain_values(gains: tuple[LimitGain, ...]) -> list[dict[str, Any]]:
 
 def gain_tables(gains: tuple[LimitGain, ...]) -> list[Rows]:
     """What limits cost, the largest of them."""
-    shown = [gain for gain in gains if gain.gain > 0.0][:MOST_GAINS]
+    shown = gains[:MOST_GAINS]
     if not shown:
         return []
     left = len(gains) - len(shown)
@@ -39,7 +39,7 @@ def gain_tables(gains: tuple[LimitGain, ...]) -> list[Rows]:
     title = f"What limits cost: gain where one is 1 % wider, to first order{more}"
     rows = [
         [
-            g.limit, g.label, f"{g.gain:.3g} {g.unit}".removesuffix(" -"), f"{g.slope:.3g}",
+            g.limit, g.label, f"{g.gain:.3g} {g.unit}".removesuffix(" -") if g.gain else "", f"{g.slope:.3g}",
             f"{g.unit}/({g.limit_unit})", g.rows,
         ]
         for g in shown

@@ -16,6 +16,7 @@ import casadi
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
@@ -45,8 +46,6 @@ class RobotState:
         limit = _effort_limit(self._problem)
         if limit is None:
             raise InputError(f"{self._problem.id} has no limit {EFFORT!r}, whose efforts tau are; give it one")
-        if limit.constants is not None and self._state.c.numel() == 0:
-            raise InputError("the payload differs from move to move, which an objective does not see; leave tau out")
         return limit.expression(self._state)
 
     @property
@@ -101,10 +100,8 @@ def with_limit(
 
     def added(problem: Problem) -> Problem:
         wanted = problem.requirements
-        efforts = _effort_limit(problem)
-        constants = None if efforts is None else efforts.constants
-        stacked = _function(problem, name, expression)
-        rows = _rows(problem, name, stacked, constants)
+        stacked = _function(problem, expression)
+        rows, constants = _shape(problem, name, stacked)
         names = tuple(labels) or ((name,) if rows == 1 else tuple(f"row {i + 1}" for i in range(rows)))
         low, high = -np.inf if lower is None else lower, np.inf if upper is None else upper
         limit = PathConstraint(
@@ -139,16 +136,18 @@ def with_objective(
     """
 
     def added(problem: Problem) -> Problem:
-        own = Objective(name, unit, scale, sense, integrand=_function(problem, name, integrand))
-        if (rows := _rows(problem, name, own.integrand, None)) != 1:
+        stacked = _function(problem, integrand)
+        rows, constants = _shape(problem, name, stacked)
+        if rows != 1:
             raise InputError(f"the objective {name!r} has {rows} rows; give a scalar, such as casadi.sumsqr of them")
+        own = Objective(name, unit, scale, sense, integrand=stacked, constants=constants)
         points = dict(problem.reference_point) | ({} if worst is None else {name: worst})
         return replace(problem, objectives=(*problem.objectives, own), reference_point=points)
 
     return _added(problem, name, added)
 
 
-def _function(problem: Problem, name: str, expression: Own) -> Callable[[State], Any]:
+def _function(problem: Problem, expression: Own) -> Callable[[State], Any]:
     def stacked(state: State) -> Any:
         value = expression(RobotState(problem, state))
         return casadi.vertcat(*value) if isinstance(value, list | tuple) else value
@@ -156,11 +155,13 @@ def _function(problem: Problem, name: str, expression: Own) -> Callable[[State],
     return stacked
 
 
-def _rows(problem: Problem, name: str, expression: Any, constants: Any) -> int:
-    """How many rows an expression has."""
+def _shape(problem: Problem, name: str, expression: Callable[[State], Any]) -> tuple[int, Array | None]:
+    """How many rows an expression has, and the constants of efforts, what is carried on each move, if it needs them."""
+    efforts, wanted = _effort_limit(problem), problem.requirements
+    constants = None if efforts is None else efforts.constants
     width = 0 if constants is None else constants.shape[1]
-    wanted = problem.requirements
-    return int(state_function(name, expression, wanted.dof, len(wanted.parameters), width).numel_out(0))
+    function = state_function(name, expression, wanted.dof, len(wanted.parameters), width)
+    return int(function.numel_out(0)), constants if width and function.jac_sparsity(0, 3).nnz() else None
 
 
 def with_id(problem: Problem, id: str) -> Problem:

@@ -46,7 +46,7 @@ def rule_name(rule: Rule) -> str:
 
 @dataclass(frozen=True)
 class SumOfSquares:
-    """The integrand that is the sum of squares of an expression's rows: its curvature costs half as much so."""
+    """The integrand that is the sum of squares of an expression's rows; its curvature then costs half as much."""
 
     rows: Expression
 

@@ -16,6 +16,8 @@ from ocp_traj.curves.motion import Motion
 from ocp_traj.display import Shown, count
 from ocp_traj.errors import ProblemDefinitionError, UnknownName, cut, quoted
 from ocp_traj.formulation.about import About
+from ocp_traj.formulation.chosen import ChosenLimit
+from ocp_traj.formulation.clearance_rows import clearance_rows
 from ocp_traj.formulation.objective import Objective, rule_name
 from ocp_traj.formulation.requirements import PathConstraint, Requirements, state_function
 from ocp_traj.formulation.tuning import Tuning
@@ -211,6 +213,17 @@ class Problem(Shown):
         for objective in self.objectives:
             if objective.variation is not None:
                 self.variation(objective)
+
+    @property
+    def chosen_limits(self) -> tuple[ChosenLimit, ...]:
+        """What the NLP imposes in place of requirements that are no expressions, the distances between bodies."""
+        requirements = self.requirements
+        return tuple(clearance_rows(limit, requirements.parameters) for limit in requirements.clearance_constraints)
+
+    @property
+    def path_limits(self) -> tuple[PathConstraint, ...]:
+        """The path limits that the NLP imposes at instants."""
+        return (*self.requirements.path_constraints, *self.chosen_limits)
 
     @property
     def size(self) -> int:

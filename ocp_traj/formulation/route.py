@@ -84,5 +84,13 @@ def route_of(task: Task, joints: int) -> Route:
     return Route(np.array(points), tuple(stops), dwells, tolerance, tuple(moves[1:]), *ends, tuple(tool_moves))
 
 
+def exact_points(route: Route) -> list[tuple[str, Array]]:
+    """The points that every motion along a route passes exactly ``(n,)``, in words."""
+    last = len(route.points) - 1
+    names = {0: "the start", last: "the goal"}
+    exact = [i for i in range(last + 1) if i in names or not route.tolerance[i].any()]
+    return [(names.get(i, f"point {i + 1}"), route.points[i]) for i in exact]
+
+
 def _derivatives(table: Derivatives | None) -> Array | None:
     return None if table is None else np.array([table.velocity, *([table.acceleration] if table.acceleration else [])])

@@ -6,209 +6,41 @@ when nothing outside it decides what it means: robot in numbers, all of it in SI
 
 from __future__ import annotations
 
-from math import isfinite
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-from ocp_traj.display import count
-from ocp_traj.errors import InputError, quoted
-from ocp_traj.formulation.task_complaints import LATER, PartOf, complaint
-from ocp_traj.robot.inertias import inertia_matrix
+from ocp_traj.errors import InputError
+from ocp_traj.formulation.collision_table import CollisionTable
+from ocp_traj.formulation.task_complaints import complaint
+from ocp_traj.formulation.task_values import (
+    FREE,
+    LIMIT,
+    THREE,
+    Bound,
+    Different,
+    Each,
+    EachFrom0,
+    Inertia,
+    Later,
+    Mass,
+    Number,
+    Positive,
+    Range,
+    Row,
+    Rows,
+    Table,
+    Three,
+    Truth,
+    Weights,
+    Whole,
+)
 
 FORMAT = "ocp-traj/task/1"
-LARGEST = 1e12  # of a number in a task: our choice, beyond any robot
-SMALLEST = 1e-9  # of a limit that is not zero: our choice, below any robot's
-MOST_POINTS = 100_000  # of a path: our choice
 KINDS = ("cubic", "quintic", "septic", "nonic", "auto", "retime")
 QUANTITIES = ("position", "velocity", "acceleration", "jerk", "snap", "effort")
 TOOL_WAYS = ("line", "arc", "poses")  # of a move
 WAYS = ("via", "goal", "path", *TOOL_WAYS)
-
-
-def _plain(value: Any) -> Any:
-    """Arrays and tuples as lists, so that a task built in code is like one from a file."""
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    return [_plain(v) for v in value] if isinstance(value, list | tuple) else value
-
-
-def _number(value: Any) -> Any:
-    value = _plain(value)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
-        raise ValueError("no such number")
-    return float(value)
-
-
-def _positive(value: Any) -> Any:
-    if not (number := _number(value)) > 0.0:
-        raise ValueError("not above zero")
-    return number
-
-
-def _mass(value: Any) -> Any:
-    if not (number := _number(value)) >= 0.0:
-        raise ValueError("below zero")
-    return number
-
-
-def _row(value: Any) -> Any:
-    value = _plain(value)
-    if not isinstance(value, list) or not value:
-        raise ValueError("no list of numbers")
-    for i, entry in enumerate(value):
-        try:
-            _number(entry)
-        except ValueError as error:
-            raise PartOf(f"number {i + 1} is {quoted(entry)}") from error
-    return [_number(v) for v in value]
-
-
-def _rows(value: Any) -> Any:
-    value = _plain(value)
-    if not isinstance(value, list) or not 1 <= len(value) <= MOST_POINTS:
-        raise ValueError("no list of rows")
-    rows = []
-    for i, row in enumerate(value):
-        try:
-            rows.append(_row(row))
-        except PartOf as error:
-            raise PartOf(f"point {i + 1}, {error}") from error
-        if len(rows[-1]) != len(rows[0]):
-            raise PartOf(f"point {i + 1} has {count(len(rows[-1]), 'number')}, the first has {len(rows[0])}")
-    return rows
-
-
-def _three(value: Any) -> Any:
-    if len(row := _row(value)) != 3:
-        raise ValueError("not three")
-    return row
-
-
-def _each(value: Any) -> Any:
-    """A number for all joints, or a list, one a joint."""
-    value = _plain(value)
-    return _row(value) if isinstance(value, list) else _number(value)
-
-
-def _each_from_0(value: Any) -> Any:
-    if np.min(value := _each(value)) < 0.0:
-        raise ValueError("below zero")
-    return value
-
-
-def _true_or_false(value: Any) -> Any:
-    if not isinstance(value, bool | np.bool_):
-        raise ValueError("neither true nor false")
-    return bool(value)
-
-
-def _inertia(value: Any) -> Any:
-    try:
-        inertia_matrix(row := _row(value))
-    except InputError as error:
-        raise ValueError("no inertia") from error
-    return row
-
-
-def _share(text: str) -> float | None:
-    """What "50 %" means, or None where it is no share."""
-    number, sign, rest = text.partition("%")
-    try:
-        share = float(number) / 100.0
-    except ValueError:
-        return None
-    return share if sign and not rest.strip() and isfinite(share) and share > 0.0 else None
-
-
-def _bound(value: Any) -> Any:
-    """A bound: a number or a list a joint, on both sides; two of these, lower and upper; "50 %"; "none"."""
-    value = _plain(value)
-    if isinstance(value, str):
-        if value.strip() != "none" and _share(value) is None:
-            raise ValueError("no such word")
-        return value.strip()
-    if isinstance(value, list) and len(value) == 2 and all(isinstance(v, list) for v in value):
-        return [[_side(v) for v in side] for side in value]
-    if isinstance(value, list) and value:
-        sides = [_side(v) for v in value]
-        for i, side in enumerate(sides):
-            if side is not None and not side > 0.0:
-                raise PartOf(f"number {i + 1} is {side:g}, not above zero")
-        return sides
-    return _side(_positive(value))
-
-
-def _range(value: Any) -> Any:
-    """A bound that is not symmetric: two lists; "50 %"; "none"."""
-    value = _bound(value)
-    if not isinstance(value, str) and not (isinstance(value, list) and isinstance(value[0], list)):
-        raise ValueError("not two lists")
-    return value
-
-
-def _side(value: Any) -> float | None:
-    """One joint's bound; none where it is infinite, which JSON has no number for."""
-    if value is None or (isinstance(value, float) and value in (np.inf, -np.inf)):
-        return None
-    number: float = _number(value)
-    if 0.0 < abs(number) < SMALLEST:
-        raise ValueError("too small")
-    return number
-
-
-def _whole(value: Any) -> Any:
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise ValueError("no whole number")
-    return value
-
-
-def share_of(bound: Any) -> float | None:
-    """The share of the description's limit that a bound is, such as 0.5 of "50 %"; None for any other."""
-    return _share(bound) if isinstance(bound, str) else None
-
-
-def _different(value: list[str]) -> list[str]:
-    if len(set(value)) < len(value):
-        raise ValueError("one of them twice")
-    return value
-
-
-def _some(value: Any) -> Any:
-    if value == {}:
-        raise ValueError("empty")
-    return value
-
-
-def _later(value: Any) -> Any:
-    raise ValueError(LATER)
-
-
-Number = Annotated[float, BeforeValidator(_number)]
-Positive = Annotated[float, BeforeValidator(_positive)]
-Mass = Annotated[float, BeforeValidator(_mass)]
-Row = Annotated[list[float], BeforeValidator(_row)]
-Rows = Annotated[list[list[float]], BeforeValidator(_rows)]
-Three = Annotated[list[float], BeforeValidator(_three)]
-Inertia = Annotated[list[float], BeforeValidator(_inertia)]
-Truth = Annotated[bool, BeforeValidator(_true_or_false)]
-Each = Annotated[Any, BeforeValidator(_each)]
-EachFrom0 = Annotated[Any, BeforeValidator(_each_from_0)]
-Bound = Annotated[Any, BeforeValidator(_bound)]
-Range = Annotated[Any, BeforeValidator(_range)]
-Later = Annotated[Any, BeforeValidator(_later)]
-
-THREE = "three numbers [m, or units.length]"
-PER_JOINT = "a number above zero for all joints, a list with one a joint, two such lists (lower, upper), "
-LIMIT = PER_JOINT + 'a share of the description\'s such as "50 %", or "none"'
-FREE = PER_JOINT + 'or "none"; no URDF holds it'
-
-
-class Table(BaseModel):
-    """A table of a task: what it does not know is an error, and it does not change."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=True, strict=False)
 
 
 class Placement(Table):
@@ -295,14 +127,14 @@ class CurveTable(Table):
     kind: Literal["cubic", "quintic", "septic", "nonic", "auto", "retime"] = Field(
         "auto", description=f"one of {', '.join(KINDS)}"
     )
-    pieces: Annotated[int, BeforeValidator(_whole)] | None = Field(
+    pieces: Whole | None = Field(
         None, ge=1, le=1024, description="a whole number from 1 to 1024, of pieces between via points"
     )
-    finest: Annotated[int, BeforeValidator(_whole)] = Field(
+    finest: Whole = Field(
         16, ge=1, le=1024, description="a whole number from 1 to 1024, to which auto refines the pieces at most"
     )
     gain: Positive = Field(0.01, lt=1.0, description="a number between 0 and 1, the gain below which auto stops")
-    rest: Annotated[int, BeforeValidator(_whole)] = Field(
+    rest: Whole = Field(
         2, ge=0, le=4, description="a whole number from 0 to 4, of derivatives that vanish at both ends"
     )
 
@@ -433,7 +265,7 @@ class MoveTable(Table):
     start: Row | None = Field(None, description="a list with one coordinate a joint")
     goal: Row | None = Field(None, description="a list with one coordinate a joint")
     path: str | None = Field(None, description="a CSV, ROS YAML or trajectory file, from the task file's folder")
-    point: Annotated[int, BeforeValidator(_whole)] | None = Field(
+    point: Whole | None = Field(
         None, ge=0, description="a whole number from 0 up, which trajectory of the run folder that path is"
     )
     geometry: Geometry | None = Field(None, description="a path's own curve, as a resolved task has it")
@@ -484,24 +316,24 @@ class MoveTable(Table):
                 raise ValueError(f"has a tolerance of a tool path and goes by {ways[0]}; give a number, or a list")
             for name in ("free_turn", "speed"):
                 if getattr(self, name):
-                    raise ValueError(f"{name} is of a tool path; leave it out, or give one of {', '.join(TOOL_WAYS)}")
+                    raise ValueError(f"has {name}, which is of a tool path; give one of {', '.join(TOOL_WAYS)}")
         return self
 
 
 class FrontTable(Table):
     """``front`` of ``[objective]``: what ``ocp-traj pareto`` trades."""
 
-    objectives: Annotated[list[str], AfterValidator(_different)] = Field(
+    objectives: Different = Field(
         min_length=2, description='two or more different objectives, such as ["time", "effort"]'
     )
-    points: Annotated[int, BeforeValidator(_whole)] | None = Field(None, ge=2, description="a whole number from 2 up")
+    points: Whole | None = Field(None, ge=2, description="a whole number from 2 up")
     reference: dict[str, Number] = Field({}, description="the worst value worth having, by objective")
 
 
 class ObjectiveTable(Table):
     """``[objective]``: what is minimised."""
 
-    minimise: Annotated[str | dict[str, Positive], AfterValidator(_some)] = Field(
+    minimise: Weights = Field(
         "time", description="an objective, or a table of weights above zero, such as { time = 0.5, effort = 0.5 }"
     )
     front: FrontTable | None = Field(None, description="a table with objectives, points and reference")
@@ -510,7 +342,7 @@ class ObjectiveTable(Table):
 class SolveTable(Table):
     """``[solve]``: how hard to look."""
 
-    starts: Annotated[int, BeforeValidator(_whole)] = Field(1, ge=1, le=10_000, description="a whole number from 1 up")
+    starts: Whole = Field(1, ge=1, le=10_000, description="a whole number from 1 up")
 
 
 class Units(Table):
@@ -540,7 +372,7 @@ class Task(Table):
     objective: ObjectiveTable = Field(ObjectiveTable(), description="a table, [objective]")
     export: dict[str, Any] | None = Field(None, description="a table, [export]")
     solve: SolveTable = Field(SolveTable(), description="a table, [solve]")
-    collision: Later | None = Field(None, description="")
+    collision: CollisionTable | None = Field(None, description="a table, [collision]")
     payload: Mass | None = Field(None, description="a mass [kg], 0 or more, in place of that of the robot's payload")
     free_payload: Truth = Field(False, description="true or false: whether the payload's mass is a variable")
     source: Source | None = Field(None, description="what a resolved task was made from")
@@ -563,4 +395,4 @@ class Task(Table):
 
     def fields(self) -> dict[str, Any]:
         """Its fields that differ from their defaults, as plain JSON values: enough to make it again."""
-        return self.model_dump(mode="python", exclude_defaults=True)
+        return self.model_dump(mode="python", exclude_defaults=True, by_alias=True)

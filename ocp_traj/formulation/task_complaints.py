@@ -13,7 +13,8 @@ from ocp_traj.errors import cut, nearest, quoted
 
 LATER = "is not built in this version"  # of what the format has beyond it
 
-RESOLVED = ("source", "numbers", "geometry")  # keys that the program writes into trajectories, and nobody into a file
+# Keys that the program writes into trajectories, and nobody into a file.
+RESOLVED = ("source", "numbers", "geometry", "bodies", "pairs", "own_pairs", "touching")
 HEADER = re.compile(r"""^\s*\[\[?\s*["']?[A-Za-z_][\w."' -]*\]""")  # of a table; no row of numbers
 SPOKEN = re.compile(r"\[(\[?)(\w+)\]\]?(?: (\d+))?:? ?([a-z_.]*)")  # a place as a complaint names it
 
@@ -26,7 +27,8 @@ class PartOf(ValueError):
 
 def allowed_in(cls: type[BaseModel]) -> tuple[str, ...]:
     """Names that a table of a file may have, those of later versions left out."""
-    return tuple(name for name, field in cls.model_fields.items() if field.description and name not in RESOLVED)
+    names = ((field.alias or name, field) for name, field in cls.model_fields.items())
+    return tuple(name for name, field in names if field.description and name not in RESOLVED)
 
 
 def complaint(
@@ -104,9 +106,10 @@ def _field(root: type[BaseModel], place: Place) -> Any:
     for part in place:
         if isinstance(part, int):
             continue
-        if model is None or part not in model.model_fields:
+        known = {} if model is None else {field.alias or name: field for name, field in model.model_fields.items()}
+        if part not in known:
             return None
-        found = model.model_fields[part]
+        found = known[part]
         model = _model_in(found.annotation)
     return found
 
@@ -161,15 +164,17 @@ def line_of(text: str, place: Place) -> str:
 
     A key of an inline table has the line on which it, or at least its table, stands.
     """
-    keys = [part for part in place if isinstance(part, str)]
-    numbers = [part for part in place if isinstance(part, int)]
+    keys = [(i, part) for i, part in enumerate(place) if isinstance(part, str)]
     lines, begin, end = text.splitlines(), 0, None
-    found = ""
-    for depth, key in enumerate(keys):
-        pattern = re.compile(rf"""^\s*\[\[?\s*(?:[^\]#]*\.)?["']?{re.escape(key)}["']?\s*\]""")
+    found = dotted = ""
+    for i, key in keys:
+        number = next((part for part in place[i + 1 : i + 2] if isinstance(part, int)), 0)
+        joint = r"\s*\.\s*" if dotted else ""
+        dotted += rf"""{joint}["']?{re.escape(key)}["']?"""
+        pattern = re.compile(rf"^\s*\[\[?\s*{dotted}\s*\]")
         heads = [i for i, line in enumerate(lines) if pattern.match(line)]
-        if heads and depth == 0:
-            begin = heads[numbers[0]] if numbers and numbers[0] < len(heads) else heads[0]
+        if heads:
+            begin = heads[number] if number < len(heads) else heads[0]
             end = next((i for i in range(begin + 1, len(lines)) if HEADER.match(lines[i])), len(lines))
             found = f":{begin + 1}"
             continue

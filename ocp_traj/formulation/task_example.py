@@ -59,6 +59,8 @@ GIVEN = {
 TO_COPY = {
     "units": '{ angle = "deg", length = "mm" }',
     "payload": "1.5",
+    "collision": '{ clearance = 0.01, link = [{ frame = "tool", sphere = { centre = [0.0, 0.0, 0.1], radius = 0.05 } }]'
+    ', obstacle = [{ name = "floor", plane = { normal = [0.0, 0.0, 1.0], offset = -0.4 } }] }',
     "robot.description": '"ur5"',
     "robot.urdf": '"arm.urdf"',
     "robot.base": "{ xyz = [0.0, 0.0, 0.6], rpy = [0.0, 0.0, 1.5708] }",
@@ -89,6 +91,7 @@ MEANING = {
     "units": "What joints, points, their limits, dh, tool and com are given in; [rad] and [m] without it.",
     "payload": "In place of the mass of robot.payload.",
     "free_payload": "For `ocp-traj payload`.",
+    "collision": "What the robot keeps clear of, whole bodies at every instant; see examples/tasks/ur5-obstacles.toml.",
     "robot": "Which robot: one of description, urdf, dh. These rows are an arm much like a UR5; write your own.",
     "robot.description": 'Of the extra: pip install "ocp-traj[robots]".',
     "robot.dh": f"Of the keys {', '.join(KEYS)}: theta and alpha [rad], d and a [m], kind revolute, prismatic or "
@@ -117,7 +120,7 @@ MEANING = {
     "move": "One table a move; one way to go in each: via, goal (with start in the first move), path, line, arc, "
     "poses. Tables that follow begin where the one before ends.",
     "move.via": "[rad or m].",
-    "move.line": "A tool path, straight; tolerance = { position = 1e-3, tilt = 0.035 } with it, start in the first.",
+    "move.line": "A straight tool path, with tolerance = { position = 1e-3, tilt = 0.035 }; the first begins at start.",
     "move.arc": "A tool path, round. The tool keeps its rotation, unless one is given at the end, or with_arc.",
     "move.poses": "A tool path, straight from pose to pose; without start the first move begins at the first.",
     "move.free_turn": "Of tool paths.",
@@ -127,7 +130,7 @@ MEANING = {
     "move.begin": "[rad/s, rad/s2], in place of rest.",
     "move.end": "[rad/s, rad/s2], in place of rest.",
     "move.payload": "Such as a part that is gripped.",
-    "objective": "What is minimised: time, energy, effort, movement, acceleration, jerk.",
+    "objective": "What is minimised: time, work, energy, effort, movement, acceleration, jerk.",
     "objective.front": "What `ocp-traj pareto` trades; points 40, reference the task's own without them.",
     "solve": "How hard to look.",
     "solve.starts": "Random starts, the best of which counts.",
@@ -150,7 +153,11 @@ EXPORT = {
     "coupling": ("1", "Of fanuc: of joint 2 into joint 3 as shown, 1, -1 or 0; from the axes without it."),
     "tool": ("1", "Of fanuc: number of the tool, 1 to 10."),
 }
-WRITTEN = ("source", "robot.numbers", "move.geometry")  # by the program, into trajectories: of no use in a file
+# By the program, into trajectories: of no use in a file.
+WRITTEN = (
+    "source", "robot.numbers", "move.geometry", "collision.bodies", "collision.pairs", "collision.own_pairs",
+    "collision.touching",
+)  # fmt: skip
 
 
 def task_example() -> str:
@@ -178,11 +185,14 @@ def _keys(table: type[BaseModel], prefix: str) -> Iterator[str]:
 def _key(table: type[BaseModel], name: str, prefix: str) -> list[str]:
     """The lines of a key: what it is, what it may be, and its value."""
     field, place = table.model_fields[name], prefix + name
-    words = " ".join(filter(None, (MEANING.get(place), f"{str(field.description)[0].upper()}{field.description[1:]}.")))
+    allowed = str(field.description)
+    words = " ".join(filter(None, (MEANING.get(place), f"{allowed[0].upper()}{allowed[1:]}.")))
     lines = ["", *_comment(f"{name}: {words}")]
     if (inner := _table_in(field.annotation)) is not None:
         for key, own in inner.model_fields.items():
-            lines += [f"#   {line.removeprefix('# ')}" for line in _comment(f"{key}: {own.description}")]
+            if f"{place}.{key}" not in WRITTEN:
+                told = _comment(f"{own.alias or key}: {own.description}")
+                lines += [f"#   {line.removeprefix('# ')}" for line in told]
     value = GIVEN.get(place) or TO_COPY.get(place)
     if value is None and field.default is not None and not isinstance(field.default, BaseModel):
         value = json.dumps(field.default)

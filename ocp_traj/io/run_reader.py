@@ -53,6 +53,8 @@ def load_run(folder: str | Path, problem: Problem | None = None) -> Front:
     table = read_front_csv(root / TABLE) if (root / TABLE).exists() or run["format"] == WITHOUT_JOURNAL else None
     try:
         chosen = _problem(root, run, problem)
+        if chosen.levels is not None:
+            chosen = _level(chosen, root / JOURNAL)
         keep_unproved = run["format"] == WITHOUT_JOURNAL or bool(run["keep_unproved"])
         empty = Front(
             chosen,
@@ -113,6 +115,15 @@ def _problem(root: Path, run: Mapping[str, Any], given: Problem | None) -> Probl
             f"{given.id} with the case {case_fields(given)}"
         )
     return given
+
+
+def _level(problem: Problem, journal: Path) -> Problem:
+    """The level of a problem whose front a run traced, all of it: a finer one has more variables."""
+    sizes = {len(point["x"]) for record in records(journal) for point in record.get("points", ())}
+    level = problem
+    while level.size not in sizes and level.levels is not None and level.levels.finer is not None:
+        level = level.levels.finer()
+    return level if level.size in sizes else problem
 
 
 def _proved(empty: Front, xs: Sequence[Array], keep_unproved: bool) -> Front:

@@ -19,7 +19,7 @@ from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.transcription.nlp import NLPResult, Status
 
 SHARE = 0.01  # by which a limit is widened
-LEAST = 1e-6  # of the largest gain: what is below is what a solver's tolerance leaves of limits that cost nothing
+LEAST = 1e-6  # of the largest slope times size: below is what a solver's tolerance leaves of limits that cost nothing
 WHOLE = "all"  # label of a limit whose rows are all widened
 
 
@@ -31,7 +31,7 @@ class LimitGain:
         limit: its id; ``rows.VARIABLE`` for a bound on a variable that is of no limit.
         label: of its row, such as a joint; ``WHOLE`` for all of them together.
         gain: by how much the objective gets better where the bounds move outwards by 1 % of their size each, of a range
-            given to a point by 1 % of half its width [unit].
+            given to a point by 1 % of half its width [unit]; 0 of a bound of zero, which has no size.
         slope: by how much it gets better per unit of the limit [unit per limit_unit].
         unit: of the objective; "-" for a sum of several.
         limit_unit: of the limit.
@@ -49,13 +49,22 @@ class LimitGain:
 
 @dataclass(frozen=True)
 class _Part:
-    """One active row or bound: whose, its slope [objective per unit of the limit], and the size it moves by."""
+    """One active row or bound: whose, its slope [objective per unit of the limit], and the size it moves by.
+
+    ``scale`` is a size of the limit where that is zero.
+    """
 
     limit: str
     label: str
     unit: str
     slope: float
     size: float
+    scale: float = 1.0
+
+    @property
+    def weight(self) -> float:
+        """What tells a slope from none."""
+        return self.slope * (self.size or self.scale)
 
 
 def limit_gains(problem: Problem, scalarisation: Scalarisation, result: NLPResult) -> tuple[LimitGain, ...]:
@@ -67,12 +76,11 @@ def limit_gains(problem: Problem, scalarisation: Scalarisation, result: NLPResul
         result: a local optimum with its multipliers, over the problem's variables and whatever follows them.
 
     Returns:
-        Nothing where the multipliers are not to be had: of populations, of a point that a solver did not end in, or
-        where rows stand twice and share theirs.
+        Nothing where the multipliers are not to be had: of populations, and of a point that a solver did not end in.
     """
     bounds = result.bound_multipliers
     optimal = result.status in (Status.SOLVED, Status.ACCEPTABLE)
-    if not optimal or not result.multipliers or bounds is None or len(result.multipliers) != result.row_count:
+    if not optimal or not result.multipliers or bounds is None or result.row_multipliers is None:
         return ()
     per_f, unit = _measure(problem, scalarisation)
     parts = [*_of_rows(problem, result), *_of_variables(problem, scalarisation, bounds)]
@@ -83,17 +91,18 @@ def limit_gains(problem: Problem, scalarisation: Scalarisation, result: NLPResul
         own = [part for part in parts if part.limit == limit]
         if len({part.label for part in own}) > 1:
             groups[limit, WHOLE] = own
-    most = max((_gain(own) for own in groups.values()), default=0.0)
+    weights = {key: sum(part.weight for part in own) for key, own in groups.items()}
+    most = max(weights.values(), default=0.0)
     slopes = {key: float(sum(part.slope for part in own)) for key, own in groups.items()}
     found = [
         LimitGain(
-            *key, _gain(own) * per_f, slopes[key] * per_f, unit, own[0].unit,
+            *key, _gain(own) * per_f, slopes[key] * per_f, unit, " or ".join(dict.fromkeys(part.unit for part in own)),
             sum(part.slope > LEAST * slopes[key] for part in own),
         )
         for key, own in groups.items()
-        if _gain(own) > LEAST * most
+        if weights[key] > LEAST * most
     ]  # fmt: skip
-    return tuple(sorted(found, key=lambda g: (-g.gain, g.limit, g.label)))
+    return tuple(sorted(found, key=lambda g: (-g.gain, -g.slope, g.limit, g.label)))
 
 
 def _gain(parts: list[_Part]) -> float:
@@ -119,7 +128,8 @@ def _of_rows(problem: Problem, result: NLPResult) -> Iterator[_Part]:
         for i, label in enumerate(limit.labels)
     }
     ids = {objective.id for objective in problem.objectives}
-    for row, multiplier in result.multipliers.items():
+    multipliers = np.zeros(0) if result.row_multipliers is None else result.row_multipliers
+    for row, multiplier in zip(result.rows, multipliers.tolist(), strict=True):
         if row.defines or multiplier == 0.0:
             continue
         pair = paths.get((row.limit, row.label)) or _range(problem, row)
@@ -129,7 +139,9 @@ def _of_rows(problem: Problem, result: NLPResult) -> Iterator[_Part]:
             size = 0.0
         else:
             continue
-        yield _Part(row.limit, row.label, row.unit, abs(multiplier) / row.scale, size if np.isfinite(size) else 0.0)
+        yield _Part(
+            row.limit, row.label, row.unit, abs(multiplier) / row.scale, size if np.isfinite(size) else 0.0, row.scale
+        )
 
 
 def _range(problem: Problem, row: Row) -> tuple[float, float] | None:

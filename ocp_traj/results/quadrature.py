@@ -49,7 +49,8 @@ def _sum(problem: Problem, motion: Motion, objective: Objective, rule: Rule) -> 
             states[order, :, k] = curve.at(k, nodes, order).T
     segment = np.repeat(np.arange(count), len(nodes))
     values = tape.evaluate(
-        states.reshape(len(ORDERS) * dof, -1), np.tile(nodes, count)[None], problem.requirements.parameters_of([motion]),
+        states.reshape(len(ORDERS) * dof, -1), np.tile(nodes, count)[None],
+        problem.requirements.parameters_of([motion]),
         constants_at(objective, segment).T if objective.constants is not None else np.zeros((0, 1)),
     )[0]  # fmt: skip
     each = np.broadcast_to(values.ravel(), count * len(nodes)).reshape(count, len(nodes)) @ weights

@@ -179,11 +179,11 @@ class InstantProgram:
         """See ``Program``."""
         here, pattern = self._here(x), self._pattern
         total = HessianSum(here.at, len(pattern.keys))
-        least = IDLE * max(abs(factor), float(np.abs(multipliers).max(initial=0.0)))
+        sizes = np.abs(multipliers)
+        active = np.where(sizes < IDLE * max(abs(factor), float(sizes.max(initial=0.0))), 0.0, multipliers)
         for part, values in zip(self._parts, here.parts, strict=True):
             weights = np.zeros_like(values.values)
-            np.add.at(weights, (part.instant, part.entry), multipliers[part.row] * part.factor)
-            weights[np.abs(weights) < least] = 0.0
+            np.add.at(weights, (part.instant, part.entry), active[part.row] * part.factor)
             values.add_curvature(total, weights)
         outer = np.concatenate([[factor], multipliers[self._count :]])
         weighed = dict(zip(self._scalar.names, outer @ self._scalar.slope, strict=False))

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.arrays import Array
+from ocp_traj.formulation.chosen import ChosenLimit
 from ocp_traj.formulation.objective import SumOfSquares
 from ocp_traj.formulation.problem import Problem
-from ocp_traj.formulation.requirements import ORDERS, PathConstraint, PointConstraint
-from ocp_traj.transcription.mapped import Mapped
+from ocp_traj.formulation.requirements import ORDERS, PathConstraint, PointConstraint, state_function
+from ocp_traj.mapped import Mapped
 from ocp_traj.transcription.symbolic import integrand_function
 
 
@@ -109,7 +110,7 @@ class SquaresKernel(Kernel):
     def __init__(self, function: Any, dof: int) -> None:
         """Compiles the derivatives of the rows."""
         super().__init__(function, dof)
-        self.rows, self.depends = 1, self.depends.any(axis=0, keepdims=True)
+        self.rows, self.depends = 1, np.asarray(self.depends.any(axis=0, keepdims=True))
 
     def values(self, arguments: tuple[Array, ...]) -> Array:
         """Values ``(N, 1)``."""
@@ -152,4 +153,15 @@ def limit_kernel(problem: Problem, name: str) -> Kernel:
         return Kernel(integrand_function(problem, objective), requirements.dof)
 
     kernel: Kernel = problem.cached(("kernel", name), build)
+    return kernel
+
+
+def chosen_kernel(problem: Problem, limit: ChosenLimit, row: int) -> Kernel:
+    """The kernel of a row of a limit whose constants are chosen, one for all rows that share its expression."""
+    expression, requirements = limit.expressions[row], problem.requirements
+
+    key = expression, requirements.dof, len(requirements.parameters)
+    if key not in limit.kernels:
+        limit.kernels[key] = Kernel(state_function(limit.id, *key, limit.number), requirements.dof)
+    kernel: Kernel = limit.kernels[key]
     return kernel
