@@ -281,7 +281,8 @@ class Knots:
         halts = sorted({0, *self.stops, *self.dwells, *ends, len(self.legs)})
         for begin, end in pairwise(halts):
             if begin in given:
-                self._along(given[begin], rng.uniform(*SLOWER_ALONE), durations, states)
+                own = rng.uniform(*SLOWER_ALONE)
+                self._along(given[begin], 1.0 if given[begin].even else own, durations, states)
                 continue
             alone = end == begin + 1
             slower = rng.uniform(*(SLOWER_ALONE if alone else SLOWER), size=end - begin)

@@ -35,11 +35,13 @@ class Stretch:
         first: number of the first leg, counted from 0.
         times: of its legs ``(legs,)`` [s].
         states: instants from its beginning ``(N,)`` [s] -> q, v and a ``(3, N, n)``.
+        even: whether its speed is given, so that no start is slower.
     """
 
     first: int
     times: Array
     states: Callable[[Array], Array]
+    even: bool = False
 
 
 def stretches_of(first: int, move: ToolMove, limits: JointLimits, tool_speed: float | None) -> list[Stretch]:
@@ -82,7 +84,7 @@ def _stretch(
         q, slope, bend = (spline(np.clip(p[:, 0], 0.0, 1.0), order) for order in range(3))
         return np.stack([q, slope * rate, bend * rate**2 + slope * rate2])
 
-    return Stretch(first + low, np.diff(at), along)
+    return Stretch(first + low, np.diff(at), along, move.speed is not None)
 
 
 def _law(

@@ -13,7 +13,7 @@ from ocp_traj.arrays import Array
 from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.formulation.requirements import PathConstraint, State, state_function
 from ocp_traj.formulation.route import Route
-from ocp_traj.formulation.tool_moves import ToolMove
+from ocp_traj.formulation.tool_moves import PAST, ToolMove
 from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.paths.cartesian import CONSTANTS, beyond, places, wanted_rotation
 from ocp_traj.robot.robot import Robot
@@ -106,8 +106,11 @@ def tool_tuning(tuning: Tuning, route: Route, limits: Sequence[PathConstraint]) 
     for limit in limits:
         many = limit.id.startswith("tool-")
         instants[limit.id] = MANY if many else () if limit.order is None else FEW
+    tuning = replace(tuning, instants=instants, max_exchanges=MOST_EXCHANGES)
+    if any(move.speed is not None for _, move in route.tool_moves):  # there it takes too many rounds
+        return tuning
     options = {**tuning.solver_options, "ipopt": {**tuning.solver_options.get("ipopt", {}), **NARROW}}
-    return replace(tuning, instants=instants, max_exchanges=MOST_EXCHANGES, solver_options=options)
+    return replace(tuning, solver_options=options)
 
 
 def _name(number: int) -> str:
@@ -147,7 +150,8 @@ def _group(
             return 1.0 - casadi.dot(wanted[:, 2], rotation[:, 2])
         return (3.0 - casadi.trace(casadi.mtimes(wanted.T, rotation))) / 2.0
 
-    mm2, past = np.array([(1e3 * position) ** 2]), np.full(2, position)
+    # With what it may run past an end, the tool is nowhere farther from the path than the tolerance.
+    mm2, past = np.array([(1e3 * position) ** 2 * (1.0 - PAST**2)]), np.full(2, PAST * position)
     return [
         PathConstraint(POSITION + name, off, none, mm2, ("mm2",), ("squared",), **where),
         PathConstraint(

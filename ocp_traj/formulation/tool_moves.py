@@ -28,6 +28,7 @@ from ocp_traj.robot.inverse_kinematics import InverseKinematics
 from ocp_traj.robot.robot import Robot
 
 ROWS = 8  # postures a leg from one via point to the next: our choice, as all that follow
+PAST = 1e-3  # of the tolerance of position, by which the tool may run past an end, or a cut
 RUN_UP = 0.1  # share of the path in which the speed is free at either end, where nothing is said
 OPPOSITE = 1e-3  # [rad] a turn of the tool this near to a half turn has no shorter way
 STILL = 1e-9  # [rad] a turn of the tool below which it does not turn
@@ -74,10 +75,11 @@ class ToolMove:
 
     @cached_property
     def cuts(self) -> tuple[float, ...]:
-        """Lengths of path [m] between which the speed is constant, the tolerance in which legs end taken off."""
+        """Lengths of path [m] between which the speed is constant, what legs may run past taken off."""
         if self.speed is None:
             return ()
-        return self.speed[2] - self.position, self.path.length - self.speed[2] + self.position
+        inside = self.speed[2] - PAST * self.position
+        return inside, self.path.length - inside
 
     @cached_property
     def legs(self) -> list[Leg]:
