@@ -23,7 +23,7 @@ from ocp_traj.formulation.global_cubic import global_cubic
 from ocp_traj.formulation.knot_states import SOLVER_OPTIONS, knot_states
 from ocp_traj.formulation.knots import NEAR
 from ocp_traj.formulation.levels import levels_of, usual_levels
-from ocp_traj.formulation.move_path import retimed_path, retimed_pieces
+from ocp_traj.formulation.move_path import RETIMED_FACTOR, retimed_path, retimed_pieces
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.formulation.problem import Problem
@@ -90,9 +90,12 @@ def _problem(task: Task) -> Problem:
         return _posed(task, robot, route, global_cubic(route.points, robot.limits))
     if kind == "retime":
         path = retimed_path(task, route, robot.joints, robot.limits)
-        pieces = retimed_pieces(task, path.curve.segments)
-        made = retiming(path, robot.limits, pieces=pieces, rest=rest, units=robot.units)
-        return _posed(task, robot, route, made)
+        return levels_of(
+            lambda count: retiming(path, robot.limits, pieces=count, rest=rest, units=robot.units),
+            lambda _, made: _posed(task, robot, route, made),
+            retimed_pieces(task, path, robot.limits),
+            factor=RETIMED_FACTOR,
+        )
     degree = DEGREES.get(kind) or (5 if robot.limits.bounds("snap") is None else 7)
     stretches = [
         s for at, move in route.tool_moves for s in stretches_of(at, move, robot.limits, task.limits.tool_speed)
