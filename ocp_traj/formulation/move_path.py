@@ -16,9 +16,9 @@ from ocp_traj.paths.joint_path import JointPath
 from ocp_traj.paths.path_file import read_path
 from ocp_traj.robot.joint_limits import JointLimits
 
-# Pieces a leg of a path that is retimed with limits on snap, by septics, and without; fewer where more than so many come
-# together; and by how many times they grow from level to level: our choice. Each doubling takes a UR5 through its points
-# twice as long to solve; 8 septics gain 0.34 % over 4, 32 quintics 0.06 % over 16.
+# Pieces a leg of a path that is retimed with limits on snap, by septics, and without; fewer where more than so many
+# come together; and by how many times they grow from level to level: our choice. Each doubling takes a UR5 through its
+# points twice as long to solve; 8 septics gain 0.34 % over 4, 32 quintics 0.06 % over 16.
 RETIMED_SNAP, RETIMED, ARCS, RETIMED_FACTOR = 4, 16, 80, 4
 
 
