@@ -41,7 +41,7 @@ from ocp_traj.formulation.stretches import stretches_of
 from ocp_traj.formulation.task import Task
 from ocp_traj.formulation.task_file import changed, read_task, task_of, told
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
-from ocp_traj.formulation.task_payload import carried
+from ocp_traj.formulation.task_payload import carried, payload_notes
 from ocp_traj.formulation.task_resolution import resolve
 from ocp_traj.formulation.tool_limits import enough_pieces, tool_limits, tool_speed_limit, tool_tuning
 from ocp_traj.formulation.tool_words import tool_figures, tool_notes
@@ -171,7 +171,9 @@ def _posed(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Pro
         variables_of=lambda motion: variables_of(made, motion.curve), reference_point=worst,
         about=About(
             title=task.name, curve_kind=f"{task.curve.kind}, {len(made.legs)} legs",
-            notes=tool_notes(route, sum(len(v.labels) for v in made.variables), len(made.legs[0])),
+            notes=(
+                *payload_notes(task), *tool_notes(route, sum(len(v.labels) for v in made.variables), len(made.legs[0])),
+            ),
             figures=tool_figures(robot.size, limits),
         ),
         tuning=Tuning(task.solve.starts, hull_rows=hull, solver_options=SOLVER_OPTIONS, **tool_tuning(route, limits)),

@@ -129,6 +129,19 @@ def test_exported_efforts_are_with_what_each_move_carries(problem: Problem, tmp_
         assert np.abs(np.array(point["effort"]) - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
+def test_it_is_shown_what_each_move_carries_where_that_differs(problem: Problem) -> None:
+    place = "centred at (0, 0, 0) m in the tool frame"
+    assert problem.about.notes == (
+        f"move 1 carries 0.5 kg, the robot's payload, {place}",
+        "move 2 carries 3 kg, centred at (0, 0.02, 0.06) m in the tool frame, inertia (0.01, 0.02, 0.03) kg m2",
+        f"move 3 carries 0.5 kg, the robot's payload, {place}",
+    )
+    assert _task(move=_moves(payload={"mass": 0.0})).about.notes[1] == "move 2 carries nothing"
+    freed = _task(free_payload=True).about.notes[0]
+    assert freed == f"move 1 carries a mass that is freed, {place}"
+    assert _task(move=_moves(payload=None)).about.notes == () == _task(move=_moves(payload={"mass": 0.5})).about.notes
+
+
 def test_payloads_of_one_place_or_of_moves_alone(tmp_path: Path) -> None:
     same = _task(move=_moves(payload={"mass": 2.0}))  # centre and inertia alike: numbers, and only the mass differs
     x = same.guess(np.random.default_rng(0))
