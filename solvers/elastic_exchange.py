@@ -19,9 +19,9 @@ def amounts_to_give(problem: Problem, scalarisation: Scalarisation, solution: So
 
     Peaks above a bound become instants of the elastic problem until the amounts change by less than ``SAME``, or for
     ``MOST`` rounds. With so much more the trajectory would meet every limit at the instants of the last round, to the
-    solver's tolerance. Its peaks have moved since and lie between them: there it may need more, to first order in that
-    move nothing, for a peak is flat. So limits raised by just these amounts may still not hold together, nothing of them
-    is proved, and another trajectory, farther away, may need less.
+    solver's tolerance. Between them, where its peaks have moved since, it may need more: to first order in that move
+    nothing, for a peak is flat. So limits raised by just these amounts may still not hold together. Nothing of this is
+    proved, and another trajectory, farther away, may need less.
 
     Args:
         problem: whose limits.
