@@ -36,7 +36,7 @@ from ocp_traj.transcription.nlp import NLP, NLPResult, Status
 from ocp_traj.transcription.symbolic import evaluate_objectives, motion_of, variations
 from ocp_traj.transcription.transcription import BACK_OFF, row_of, transcribe
 from ocp_traj.transcription.turning_points import turned
-from ocp_traj.transcription.worst_instants import worst_instants
+from ocp_traj.transcription.worst_instants import near_instants, worst_instants
 
 KEEP = 0.1  # of a limit's scale: rows with more slack than this after the first solve are dropped; our choice
 STALLED, NEGLIGIBLE = (
@@ -75,19 +75,19 @@ class Exchange:
         """Checks the numbers."""
         case.check(self)
 
-    def opening(self, problem: Problem, scalarisation: Scalarisation) -> NLP:
-        """The NLP of the first round."""
-        return transcribe(problem, scalarisation, self._first(problem, None), self.back_off)
+    def opening(self, problem: Problem, scalarisation: Scalarisation, x0: Array) -> NLP:
+        """The NLP of the first round, from ``x0 (n,)``: one for all starts where no limit is chosen at the state."""
+        return transcribe(problem, scalarisation, self._first(problem, None, x0), self.back_off)
 
     def exchanges(self, problem: Problem) -> int:
         """How many rounds a problem gets."""
         return problem.tuning.max_exchanges if self.max_exchanges is None else self.max_exchanges
 
-    def _first(self, problem: Problem, warm: Solution | None) -> list[Instant]:
+    def _first(self, problem: Problem, warm: Solution | None, x0: Array) -> list[Instant]:
         given = list(few_instants(problem) if self.first is None else self.first)
         if warm is None:  # slopes of another solution mislead where its multipliers do not come with them
             given = [replace(instant, slope=None, sweep_slope=None) for instant in given]
-        return given
+        return given if self.first is not None else [*given, *near_instants(problem, x0)]
 
     @one_blas_thread
     def solve(
@@ -136,7 +136,7 @@ class Exchange:
         begun: float,
     ) -> Solution:
         """The rounds; ``proved`` collects those that are, but for total variations that are not yet exact."""
-        instants = self._first(problem, warm)
+        instants = self._first(problem, warm, x0)
         x, extra, iterations = np.asarray(x0, dtype=float), np.zeros(0), 0
         back_off, before, excess = self.back_off, np.inf, np.inf
         last: Solution | None = None  # feasible at its instants
@@ -220,7 +220,7 @@ class Exchange:
 def _unproved(problem: Problem, solution: Solution) -> list[Instant]:
     """Instants where a proof failed though a scan has found no limit broken: they stay where they are."""
     assert solution.audit is not None and solution.trajectory is not None
-    limits = {limit.id: limit for limit in problem.requirements.path_constraints}
+    limits = {limit.id: limit for limit in problem.path_limits}
     knots, found = solution.trajectory.curve.knots, []
     for row in (row for row in solution.audit.failures if row.limit in limits):
         k = int(np.clip(np.searchsorted(knots, row.instant, side="right") - 1, 0, len(knots) - 2))
@@ -236,7 +236,7 @@ def _mended(
     """The solution slowed down until it is proved, if that can be done within the bounds on its objectives."""
     assert solution.audit is not None
     (mended,), (found,) = slow_down(problem, [solution.x], [solution.audit])
-    known = {limit.id for limit in problem.requirements.path_constraints}
+    known = {limit.id for limit in problem.path_limits}
     nlp = transcribe(problem, scalarisation, [i for i in solution.instants if i.limit not in known])
     point = nlp.start(mended)
     point[problem.size : problem.size + nlp.labels.count("gamma")] = extra[: nlp.labels.count("gamma")]
@@ -295,7 +295,7 @@ def _finished(
 def _near(instants: list[Instant], problem: Problem, solution: Solution) -> list[Instant]:
     """The instants and rows close to their bounds; others only cost time, and return as peaks should they matter."""
     kept = []
-    known = {limit.id for limit in problem.requirements.path_constraints}
+    known = {limit.id for limit in problem.path_limits}
     for instant in instants:
         if instant.limit not in known or instant.control is not None:  # of a total variation, or one of all that hold
             kept.append(instant)
@@ -340,4 +340,4 @@ def _merge(
 
 
 def _limit(problem: Problem, instant: Instant) -> PathConstraint:
-    return next(c for c in problem.requirements.path_constraints if c.id == instant.limit)
+    return next(c for c in problem.path_limits if c.id == instant.limit)

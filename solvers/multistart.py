@@ -123,11 +123,13 @@ class Multistart:
         if self.all_optima:
             rounds = max(ROUNDS, self.solver.exchanges(problem))
             solvers.append(replace(self.solver, solver=self.solver.solver.near_start(), max_exchanges=rounds))
-        nlps: list[tuple[Exchange, NLP, list[_Pair]]] = [
-            (solver, solver.opening(problem, scalarisation), []) for solver in solvers
+        alike = not problem.chosen_limits  # else what the first NLP holds depends on where it starts
+        nlps: list[tuple[Exchange, NLP | None, list[_Pair]]] = [
+            (solver, solver.opening(problem, scalarisation, problem.lower) if alike else None, []) for solver in solvers
         ]
 
-        def one(solver: Exchange, nlp: NLP, known: list[_Pair], x0: Array) -> list[Solution]:
+        def one(solver: Exchange, shared: NLP | None, known: list[_Pair], x0: Array) -> list[Solution]:
+            nlp = solver.opening(problem, scalarisation, x0) if shared is None else shared
             opened = solver.solver.solve(nlp, nlp.start(x0))
             for other, solution in known:
                 if opened.ok and np.abs(opened.x - other.x).max() <= ONE_POINT * (1.0 + np.abs(other.x).max()):

@@ -43,7 +43,7 @@ def cut_requirements(requirements: Requirements, source: Index, a: Array, b: Arr
         tuple(_points(point, source, a, b, count) for point in requirements.point_constraints),
         requirements.parameters, max(requirements.continuity, smooth),
         tuple(_durations(limit, source, a, b, count) for limit in requirements.duration_constraints),
-        requirements.parameter_bounds,
+        requirements.parameter_bounds, requirements.clearance_constraints,
     )  # fmt: skip
 
 
@@ -56,7 +56,7 @@ def anywhere_and_somewhere(requirements: Requirements) -> tuple[Requirements, Re
             requirements, path_constraints=tuple(same), point_constraints=(), duration_constraints=(),
             parameter_bounds=(),
         ),
-        replace(requirements, path_constraints=other, continuity=-1),
+        replace(requirements, path_constraints=other, continuity=-1, clearance_constraints=()),
     )  # fmt: skip
 
 

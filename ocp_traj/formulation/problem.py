@@ -15,6 +15,7 @@ from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.display import Shown, count
 from ocp_traj.errors import ProblemDefinitionError, UnknownName, cut, quoted
 from ocp_traj.formulation.about import About
+from ocp_traj.formulation.chosen import ChosenLimit
 from ocp_traj.formulation.objective import Objective, rule_name
 from ocp_traj.formulation.requirements import PathConstraint, Requirements, state_function
 from ocp_traj.formulation.tuning import Tuning
@@ -129,6 +130,7 @@ class Problem(Shown):
         tuning: how it is solved well.
         levels: the problems of the same motion with fewer and more pieces, by which it is solved; None for none.
         about: what is said of it to people.
+        chosen_limits: what the NLP imposes in place of requirements that are no expressions; see ``ChosenLimit``.
     """
 
     id: str
@@ -151,6 +153,7 @@ class Problem(Shown):
     tuning: Tuning = Tuning()
     levels: Levels | None = None
     about: About = About()
+    chosen_limits: tuple[ChosenLimit, ...] = ()
     _functions: dict[Hashable, Any] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
@@ -200,6 +203,11 @@ class Problem(Shown):
         for objective in self.objectives:
             if objective.variation is not None:
                 self.variation(objective)
+
+    @property
+    def path_limits(self) -> tuple[PathConstraint, ...]:
+        """The path limits that the NLP imposes at instants."""
+        return (*self.requirements.path_constraints, *self.chosen_limits)
 
     @property
     def size(self) -> int:

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from ocp_traj.arrays import Array, Index
 from ocp_traj.curves.motion import Motion
 from ocp_traj.errors import ProblemDefinitionError
+from ocp_traj.formulation.clearance import ClearanceConstraint
 
 Points = tuple[tuple[int, float], ...]  # (segment, local time u) pairs; a negative segment counts from the end
 
@@ -285,6 +286,7 @@ class Requirements:
         joint_units: one a joint.
         duration_constraints: on segments whose time is given.
         parameter_bounds: of parameters that nothing else decides.
+        clearance_constraints: on distances between bodies.
     """
 
     joints: tuple[str, ...]
@@ -295,6 +297,7 @@ class Requirements:
     continuity: int = -1
     duration_constraints: tuple[DurationConstraint, ...] = ()
     parameter_bounds: tuple[ParameterBound, ...] = ()
+    clearance_constraints: tuple[ClearanceConstraint, ...] = ()
     _functions: dict[Hashable, Any] = field(default_factory=dict, repr=False, init=False)
 
     def __post_init__(self) -> None:
@@ -308,6 +311,11 @@ class Requirements:
         for name in self.ids:
             if self.ids.count(name) > 1:
                 raise ProblemDefinitionError(f"limit id {name!r} is used {self.ids.count(name)} times; ids are unique")
+        for clearance in self.clearance_constraints:
+            if clearance.robot.size != self.dof:
+                raise ProblemDefinitionError(
+                    f"limit {clearance.id!r} is of a robot with {clearance.robot.size} joints; there are {self.dof}"
+                )
         for limit in limits:
             rows = self.function(limit).numel_out(0)
             if rows != len(limit.labels):
@@ -323,7 +331,9 @@ class Requirements:
     @property
     def ids(self) -> list[str]:
         """Ids of all limits."""
-        groups = (self.path_constraints, self.point_constraints, self.duration_constraints)
+        groups = (
+            self.path_constraints, self.point_constraints, self.duration_constraints, self.clearance_constraints
+        )  # fmt: skip
         return [limit.id for group in groups for limit in group]
 
     def function(self, limit: PathConstraint | PointConstraint) -> Any:

@@ -6,148 +6,33 @@ when nothing outside it decides what it means: robot in numbers, all of it in SI
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from math import isfinite
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-from ocp_traj.errors import quoted
+from ocp_traj.errors import InputError
+from ocp_traj.formulation.collision_table import CollisionTable
+from ocp_traj.formulation.task_complaints import complaint
+from ocp_traj.formulation.task_values import (
+    FREE,
+    LIMIT,
+    THREE,
+    Bound,
+    Each,
+    Later,
+    Mass,
+    Number,
+    Positive,
+    Row,
+    Rows,
+    Table,
+    Three,
+    Whole,
+)
 
 FORMAT = "ocp-traj/task/1"
-LARGEST = 1e12  # of a number in a task: our choice, beyond any robot
-SMALLEST = 1e-9  # of a limit that is not zero: our choice, below any robot's
-MOST_POINTS = 100_000  # of a path: our choice
 KINDS = ("cubic", "quintic", "septic", "nonic", "auto", "retime")
 QUANTITIES = ("position", "velocity", "acceleration", "jerk", "snap", "effort")
-LATER = "is not built in this version"  # of what the format has beyond it
-
-
-def _plain(value: Any) -> Any:
-    """Arrays and tuples as lists, so that a task built in code is like one from a file."""
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    return [_plain(v) for v in value] if isinstance(value, list | tuple) else value
-
-
-def _number(value: Any) -> Any:
-    value = _plain(value)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
-        raise ValueError("no such number")
-    return float(value)
-
-
-def _positive(value: Any) -> Any:
-    if not (number := _number(value)) > 0.0:
-        raise ValueError("not above zero")
-    return number
-
-
-def _mass(value: Any) -> Any:
-    if not (number := _number(value)) >= 0.0:
-        raise ValueError("below zero")
-    return number
-
-
-def _row(value: Any) -> Any:
-    value = _plain(value)
-    if not isinstance(value, list) or not value:
-        raise ValueError("no list of numbers")
-    return [_number(v) for v in value]
-
-
-def _rows(value: Any) -> Any:
-    value = _plain(value)
-    if not isinstance(value, list) or not 1 <= len(value) <= MOST_POINTS:
-        raise ValueError("no list of rows")
-    rows = [_row(v) for v in value]
-    if len({len(row) for row in rows}) > 1:
-        raise ValueError("rows of different lengths")
-    return rows
-
-
-def _three(value: Any) -> Any:
-    if len(row := _row(value)) != 3:
-        raise ValueError("not three")
-    return row
-
-
-def _each(value: Any) -> Any:
-    """A number for all joints, or a list, one a joint."""
-    value = _plain(value)
-    return _row(value) if isinstance(value, list) else _number(value)
-
-
-def _share(text: str) -> float | None:
-    """What "50 %" means, or None where it is no share."""
-    number, sign, rest = text.partition("%")
-    try:
-        share = float(number) / 100.0
-    except ValueError:
-        return None
-    return share if sign and not rest.strip() and isfinite(share) and share > 0.0 else None
-
-
-def _bound(value: Any) -> Any:
-    """A bound: a number or a list a joint, on both sides; two of these, lower and upper; "50 %"; "none"."""
-    value = _plain(value)
-    if isinstance(value, str):
-        if value.strip() != "none" and _share(value) is None:
-            raise ValueError("no such word")
-        return value.strip()
-    if isinstance(value, list) and len(value) == 2 and all(isinstance(v, list) for v in value):
-        return [[_side(v) for v in side] for side in value]
-    if isinstance(value, list):
-        return [_side(v) for v in value]
-    return _side(_positive(value))
-
-
-def _side(value: Any) -> float | None:
-    """One joint's bound; none where it is infinite, which JSON has no number for."""
-    if value is None or (isinstance(value, float) and value in (np.inf, -np.inf)):
-        return None
-    number: float = _number(value)
-    if 0.0 < abs(number) < SMALLEST:
-        raise ValueError("too small")
-    return number
-
-
-def _whole(value: Any) -> Any:
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise ValueError("no whole number")
-    return value
-
-
-def share_of(bound: Any) -> float | None:
-    """The share of the description's limit that a bound is, such as 0.5 of "50 %"; None for any other."""
-    return _share(bound) if isinstance(bound, str) else None
-
-
-def _later(value: Any) -> Any:
-    raise ValueError(LATER)
-
-
-Number = Annotated[float, BeforeValidator(_number)]
-Positive = Annotated[float, BeforeValidator(_positive)]
-Mass = Annotated[float, BeforeValidator(_mass)]
-Row = Annotated[list[float], BeforeValidator(_row)]
-Rows = Annotated[list[list[float]], BeforeValidator(_rows)]
-Three = Annotated[list[float], BeforeValidator(_three)]
-Each = Annotated[Any, BeforeValidator(_each)]
-Bound = Annotated[Any, BeforeValidator(_bound)]
-Later = Annotated[Any, BeforeValidator(_later)]
-
-THREE = "three numbers [length]"
-PER_JOINT = "a number above zero for all joints, a list with one a joint, two such lists (lower, upper), "
-LIMIT = PER_JOINT + 'a share of the description\'s such as "50 %", or "none"'
-FREE = PER_JOINT + 'or "none"; no URDF holds it'
-
-
-class Table(BaseModel):
-    """A table of a task: what it does not know is an error, and it does not change."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=True, strict=False)
 
 
 class Placement(Table):
@@ -231,14 +116,14 @@ class CurveTable(Table):
     kind: Literal["cubic", "quintic", "septic", "nonic", "auto", "retime"] = Field(
         "auto", description=f"one of {', '.join(KINDS)}"
     )
-    pieces: Annotated[int, BeforeValidator(_whole)] | None = Field(
+    pieces: Whole | None = Field(
         None, ge=1, le=1024, description="a whole number from 1 to 1024, of pieces between via points"
     )
-    finest: Annotated[int, BeforeValidator(_whole)] = Field(
+    finest: Whole = Field(
         16, ge=1, le=1024, description="a whole number from 1 to 1024, to which auto refines the pieces at most"
     )
     gain: Positive = Field(0.01, lt=1.0, description="a number between 0 and 1, the gain below which auto stops")
-    rest: Annotated[int, BeforeValidator(_whole)] = Field(
+    rest: Whole = Field(
         2, ge=0, le=4, description="a whole number from 0 to 4, of derivatives that vanish at both ends"
     )
 
@@ -284,7 +169,7 @@ class FrontTable(Table):
     """``front`` of ``[objective]``: what ``ocp-traj pareto`` trades."""
 
     objectives: list[str] = Field(min_length=2, description="two or more objectives")
-    points: Annotated[int, BeforeValidator(_whole)] | None = Field(None, ge=2, description="a whole number from 2 up")
+    points: Whole | None = Field(None, ge=2, description="a whole number from 2 up")
     reference: dict[str, Number] = Field({}, description="the worst value worth having, by objective")
 
 
@@ -300,7 +185,7 @@ class ObjectiveTable(Table):
 class SolveTable(Table):
     """``[solve]``: how hard to look."""
 
-    starts: Annotated[int, BeforeValidator(_whole)] = Field(1, ge=1, le=10_000, description="a whole number from 1 up")
+    starts: Whole = Field(1, ge=1, le=10_000, description="a whole number from 1 up")
 
 
 class Units(Table):
@@ -330,10 +215,21 @@ class Task(Table):
     objective: ObjectiveTable = Field(ObjectiveTable(), description="a table, [objective]")
     export: dict[str, Any] | None = Field(None, description="a table, [export]")
     solve: SolveTable = Field(SolveTable(), description="a table, [solve]")
-    collision: Later | None = Field(None, description="")
+    collision: CollisionTable | None = Field(None, description="a table, [collision]")
     payload: Mass | None = Field(None, description="a mass [kg] in place of that of the robot's payload")
     free_payload: bool = Field(False, description="true or false: whether the payload's mass is a variable")
     source: Source | None = Field(None, description="what a resolved task was made from")
+
+    def __init__(self, **fields: Any) -> None:
+        """A task of plain values, by table.
+
+        Raises:
+            InputError: one line of what is wrong first.
+        """
+        try:
+            super().__init__(**fields)
+        except ValidationError as error:
+            raise InputError(complaint(error, Task, fields)) from error
 
     @property
     def resolved(self) -> bool:
@@ -342,14 +238,4 @@ class Task(Table):
 
     def fields(self) -> dict[str, Any]:
         """Its fields that differ from their defaults, as plain JSON values: enough to make it again."""
-        return self.model_dump(mode="python", exclude_defaults=True)
-
-
-def allowed_in(cls: type[BaseModel]) -> tuple[str, ...]:
-    """Names that a table may have, those of later versions left out."""
-    return tuple(name for name, field in cls.model_fields.items() if field.description)
-
-
-def shown(value: Any) -> str:
-    """A given value as a complaint quotes it."""
-    return quoted(dict(value) if isinstance(value, Mapping) else value)
+        return self.model_dump(mode="python", exclude_defaults=True, by_alias=True)

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from types import UnionType
-from typing import Any, Union, get_args, get_origin
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
-from ocp_traj.errors import FileFormatError, InputError, cut, nearest, quoted
+from ocp_traj.errors import FileFormatError, InputError, cut, quoted
 from ocp_traj.files import LONGEST_PATH, read_text
-from ocp_traj.formulation.task import FORMAT, LATER, Source, Task, allowed_in, shown
+from ocp_traj.formulation.task import FORMAT, Source, Task
+from ocp_traj.formulation.task_complaints import complaint, line_of
 
-Place = tuple[int | str, ...]
 NO_PLACE = "is no place in a task; give one such as robot.payload.mass or move.0.via"
 
 
@@ -41,7 +39,7 @@ def read_task(path: str | Path, changes: Mapping[str, Any] | None = None) -> Tas
     for place, value in (changes or {}).items():
         _put(data, place, value)
     if "source" in data:
-        raise FileFormatError(f"{name}{_line(text, ('source',))}: source is not allowed here; leave it out")
+        raise FileFormatError(f"{name}{line_of(text, ('source',))}: source is not allowed here; leave it out")
     data.setdefault("name", Path(path).stem)
     task = task_of(data, name, text)
     digest = hashlib.sha256(text.encode()).hexdigest()
@@ -51,12 +49,11 @@ def read_task(path: str | Path, changes: Mapping[str, Any] | None = None) -> Tas
 def task_of(data: Any, name: str = "the task", text: str = "") -> Task:
     """A task of plain values; ``name`` and, where there is one, ``text`` of the file are for complaints."""
     try:
-        return Task.model_validate(data)
-    except ValidationError as error:
-        found = sorted(
-            error.errors(), key=lambda e: e["type"] != "extra_forbidden"
-        )  # a key misspelt is missing as well
-        raise FileFormatError(_complaint(found[0], data, name, text)) from error
+        return Task(**data)
+    except InputError as error:
+        if not isinstance(error.__cause__, ValidationError):
+            raise
+        raise FileFormatError(complaint(error.__cause__, Task, data, name, text)) from error
     except RecursionError as error:
         raise FileFormatError(f"{name} is nested too deep") from error
 
@@ -87,121 +84,3 @@ def _value(value: Any) -> Any:
         return tomllib.loads(f"value = {value}")["value"]
     except (tomllib.TOMLDecodeError, ValueError, KeyError, RecursionError):
         return value
-
-
-def _complaint(error: Any, data: Any, name: str, text: str) -> str:
-    """One line of what pydantic found first."""
-    place, value = _place(error["loc"], data), error["input"]
-    where = f"{name}{_line(text, place)}: {_named(place)}"
-    kind, table = error["type"], _model(place[:-1])
-    if kind == "extra_forbidden":
-        known = allowed_in(table) if table is not None else ()
-        return f"{where} is not allowed{nearest(str(place[-1]), known)}; allowed are {', '.join(known)}"
-    description = _description(place)
-    if kind == "missing":
-        return f"{where} is missing; give {description}"
-    if kind == "value_error":
-        words = str(error["ctx"]["error"])
-        if words == LATER:
-            return f"{where} {LATER}; leave it out"
-        if _model(place) is not None and isinstance(value, Mapping | BaseModel):
-            return f"{where} {words}"
-    return f"{where} is {shown(value)}; give {description or error['msg']}"
-
-
-def _place(loc: Sequence[int | str], data: Any) -> Place:
-    """The place in the data; pydantic adds the branches of unions to it."""
-    found: list[int | str] = []
-    here = data
-    for i, part in enumerate(loc):
-        inside = (isinstance(here, Mapping) and part in here) or (isinstance(here, list) and isinstance(part, int))
-        last = i == len(loc) - 1 and isinstance(here, Mapping) and str(part).isidentifier() and not _is_branch(part)
-        if inside or last:
-            found.append(part)
-            here = here[part] if inside and (isinstance(here, Mapping) or int(part) < len(here)) else None
-    return tuple(found)
-
-
-def _is_branch(part: int | str) -> bool:
-    return part in ("str", "dict") or not isinstance(part, str)
-
-
-def _named(place: Place) -> str:
-    """A place as a file has it: "[robot] payload.mass", "[[move]] 2: via"."""
-    if not place:
-        return "the task"
-    top = _model(place[:1])
-    if place[0] == "move" and len(place) > 1 and isinstance(place[1], int):
-        rest = _dotted(place[2:])
-        return f"[[move]] {place[1] + 1}{': ' + rest if rest else ''}"
-    if top is None or len(place) == 1:
-        return _dotted(place) if top is None else f"[{place[0]}]"
-    return f"[{place[0]}] {_dotted(place[1:])}"
-
-
-def _dotted(place: Place) -> str:
-    return "".join(f" {p + 1}" if isinstance(p, int) else f".{cut(p)}" for p in place).lstrip(". ")
-
-
-def _field(place: Place) -> Any:
-    """The field of a task at a place, or None."""
-    model: type[BaseModel] | None = Task
-    found = None
-    for part in place:
-        if isinstance(part, int):
-            continue
-        if model is None or part not in model.model_fields:
-            return None
-        found = model.model_fields[part]
-        model = _model_in(found.annotation)
-    return found
-
-
-def _model_in(annotation: Any) -> type[BaseModel] | None:
-    """The table that a field's type speaks of, in a list or beside none as well."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    if get_origin(annotation) in (list, Union, UnionType):
-        return next(filter(None, map(_model_in, get_args(annotation))), None)
-    return None
-
-
-def _model(place: Place) -> type[BaseModel] | None:
-    """The table at a place; the task itself at none."""
-    if not any(isinstance(part, str) for part in place):
-        return Task
-    field = _field(place)
-    return None if field is None else _model_in(field.annotation)
-
-
-def _description(place: Place) -> str:
-    """What may stand at a place, from the innermost field that says so."""
-    while place:
-        if (field := _field(place)) is not None and field.description:
-            return str(field.description)
-        place = place[:-1]
-    return ""
-
-
-def _line(text: str, place: Place) -> str:
-    """A colon and the line on which the innermost key of a place stands that is written down, or nothing.
-
-    A key of an inline table has the line on which it, or at least its table, stands.
-    """
-    keys = [part for part in place if isinstance(part, str)]
-    numbers = [part for part in place if isinstance(part, int)]
-    lines, begin, end = text.splitlines(), 0, None
-    found = ""
-    for depth, key in enumerate(keys):
-        pattern = re.compile(rf"""^\s*\[\[?\s*(?:[^\]#]*\.)?["']?{re.escape(key)}["']?\s*\]""")
-        heads = [i for i, line in enumerate(lines) if pattern.match(line)]
-        if heads and depth == 0:
-            begin = heads[numbers[0]] if numbers and numbers[0] < len(heads) else heads[0]
-            end = next((i for i in range(begin + 1, len(lines)) if re.match(r"^\s*\[", lines[i])), len(lines))
-            found = f":{begin + 1}"
-            continue
-        inside = re.compile(rf"""(?:^|[\s{{,.])["']?{re.escape(key)}["']?\s*[=.]""")
-        own = next((i for i in range(begin, len(lines) if end is None else end) if inside.search(lines[i])), None)
-        if own is not None:
-            begin, found = own, f":{own + 1}"
-    return found

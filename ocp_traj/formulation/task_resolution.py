@@ -11,7 +11,8 @@ import pinocchio as pin
 
 from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError
-from ocp_traj.formulation.task import Derivatives, Held, MoveTable, Placement, RobotTable, Source, Task, Units, share_of
+from ocp_traj.formulation.task import Derivatives, Held, MoveTable, Placement, RobotTable, Source, Task, Units
+from ocp_traj.formulation.task_values import share_of
 from ocp_traj.paths.path_points import read_points
 from ocp_traj.robot.descriptions import description_urdf
 from ocp_traj.robot.dh import robot_of_rows

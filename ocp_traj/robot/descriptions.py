@@ -64,14 +64,19 @@ def description_urdf(name: str) -> Path:
     return known[name]
 
 
-def package_folders(urdf: str | Path) -> list[Path]:
+def package_folders(urdf: str | Path, part: str = "robot") -> list[Path]:
     """Folders that hold the packages which a URDF's meshes name as ``package://NAME/..``, as pinocchio asks for them.
 
     Searched upward from the URDF's own folder, as packages lie in a ROS workspace.  A package that is not there raises
     ``RobotDefinitionError``.
+
+    Args:
+        urdf: the file.
+        part: elements whose meshes count, such as ``collision``.
     """
     text, origin = urdf_text(Path(urdf))
-    names = [mesh.get("filename", "") for mesh in urdf_root(text, origin).iter("mesh")]
+    parts = urdf_root(text, origin).iter(part)
+    names = [mesh.get("filename", "") for element in parts for mesh in element.iter("mesh")]
     packages = {match[1] for name in names if (match := re.match(r"package:/*([^/]+)/", name))}
     above = Path(urdf).resolve().parents
     folders: list[Path] = []

@@ -155,7 +155,7 @@ def inverse_dynamics(
     Returns:
         ``(nv,)``, [N m or N].
     """
-    joints = _aligned_joints(model)
+    joints = aligned_joints(model)
     q, v, a = (column(x, model.nv, name) for x, name in ((q, "q"), (v, "v"), (a, "a")))
     force, moment = {}, {}  # on each link, about and in its frame
     turns = [(ca.cos(q[joint.column]), ca.sin(q[joint.column])) for joint in joints[1:]]
@@ -227,7 +227,7 @@ def forward_kinematics(
     Returns:
         rotation ``(3, 3)``, whose columns are the frame's axes; position ``(3,)`` of its origin [m].
     """
-    joints = _aligned_joints(model)
+    joints = aligned_joints(model)
     q = column(q, model.nv, "q")
     i = joint_index(model, joint)
     frame = pin.SE3.Identity() if placement is None else placement
@@ -248,7 +248,7 @@ def forward_kinematics(
     return _stack([x for axis in columns for x in axis]).reshape((3, 3)), _stack(position)
 
 
-def _aligned_joints(model: pin.Model) -> list[_Joint]:
+def aligned_joints(model: pin.Model) -> list[_Joint]:
     """The model's joints, each with its axis along z; the first entry is the universe."""
     joints = [_Joint(0, -1, True, np.eye(3), [], [])]
     data = model.createData()

@@ -144,6 +144,13 @@ class Robot:
         zero = SX.zeros(self.size)
         return forward_kinematics(self.model, self._serial(q, zero, zero)[0], self.tool_joint, self.tool)
 
+    def joint_pose(self, q: SX, joint: int) -> tuple[SX, SX]:
+        """Rotation ``(3, 3)`` and position ``(3,)`` [m] of a joint's own frame in the world; joint 0 is the world."""
+        if joint == 0:
+            return SX(np.eye(3)), SX(np.zeros(3))
+        zero = SX.zeros(self.size)
+        return forward_kinematics(self.model, self._serial(q, zero, zero)[0], joint)
+
     def poses(self, q: npt.ArrayLike) -> tuple[Array, Array]:
         """Rotations ``(N, 3, 3)`` and positions ``(N, 3)`` [m] of the tool frame at coordinates ``(N, n)``."""
         angles, symbol = np.asarray(q, dtype=float).reshape(-1, self.size), SX.sym("q", self.size)

@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 from ocp_traj.arrays import Array, Index
 from ocp_traj.curves.bernstein import derivative_basis
 from ocp_traj.errors import ProblemDefinitionError
+from ocp_traj.formulation.chosen import ChosenLimit
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS
 from ocp_traj.transcription.hessian_sum import HessianSum
 from ocp_traj.transcription.instants import Instant
-from ocp_traj.transcription.kernel import Kernel, limit_kernel
+from ocp_traj.transcription.kernel import Kernel, chosen_kernel, limit_kernel
 from ocp_traj.transcription.shape import Shape, ShapeAt, shape_of
 
 
@@ -125,6 +126,10 @@ class InstantValues(BySegment):
             None if table is None else table[segments],
         )  # fmt: skip
 
+    def constants_at(self, q: Array) -> Array:
+        """The constants ``(N, n_c)`` at postures ``(N, dof)``."""
+        return self.constants
+
     def depends(self) -> NDArray[np.bool_]:
         """Which rows of the function depend on which of its segment's variables: ``(N, rows, m)``."""
         pattern = self.shape.depends[self.segments]  # (N, dof + 1 + n_p, m)
@@ -162,6 +167,45 @@ class InstantValues(BySegment):
         return found
 
 
+class ChosenValues(InstantValues):
+    """One row an instant of a limit whose constants are chosen at the state.
+
+    Args:
+        shape, kernel, segments, u, slopes: as of ``InstantValues``; the kernel is of all these rows.
+        limit: whose rows.
+        rows: of each instant ``(N,)``.
+    """
+
+    def __init__(
+        self, shape: Shape, kernel: Kernel, segments: Index, u: Array, limit: ChosenLimit, rows: Index,
+        slopes: Array | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(shape, kernel, segments, u, slopes=slopes)
+        self.limit, self.rows = limit, rows
+
+    def constants_at(self, q: Array) -> Array:
+        """The constants ``(N, n_c)`` at postures ``(N, dof)``."""
+        return self.limit.constants_at(q, self.rows)
+
+
+def chosen_values(
+    problem: Problem, limit: ChosenLimit, rows: Sequence[int], instants: Sequence[Instant]
+) -> list[tuple[Index, ChosenValues]]:
+    """Rows of a chosen limit, one an instant: places among these, and the values there, a kernel each."""
+    shape = shape_of(problem)
+    alike: dict[object, list[int]] = {}
+    for i, row in enumerate(rows):
+        alike.setdefault(limit.expressions[row], []).append(i)
+    found = []
+    for places in alike.values():
+        some = [instants[i] for i in places]
+        segments = np.array([instant.segment for instant in some], dtype=np.intp)
+        u, slopes = lines(shape, some, [(i.u, i.slope) for i in some])
+        kernel, own = chosen_kernel(problem, limit, rows[places[0]]), np.array([rows[i] for i in places], dtype=np.intp)
+        found.append((np.array(places, dtype=np.intp), ChosenValues(shape, kernel, segments, u, limit, own, slopes)))
+    return found
+
+
 class InstantValuesAt:
     """A function at instants and at one x; derivatives are computed on first use.
 
@@ -189,7 +233,7 @@ class InstantValuesAt:
         place = self.u[:, None] if self.sweep is None else np.stack([self.u, self.sweep], axis=1)
         self._arguments = (
             states.reshape(len(segments), -1), shape.durations[segments][:, None], place, shape.parameters[segments],
-            of.constants,
+            of.constants_at(derivatives[:, 0]),
         )  # fmt: skip
         self.values = kernel.values(self._arguments)
 

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.arrays import Array
+from ocp_traj.formulation.chosen import ChosenLimit
 from ocp_traj.formulation.problem import Problem
-from ocp_traj.formulation.requirements import ORDERS, PathConstraint, PointConstraint
+from ocp_traj.formulation.requirements import ORDERS, PathConstraint, PointConstraint, state_function
 from ocp_traj.transcription.mapped import Mapped
 from ocp_traj.transcription.symbolic import integrand_function
 
@@ -104,4 +105,17 @@ def limit_kernel(problem: Problem, name: str) -> Kernel:
         return Kernel(integrand_function(problem, objective), requirements.dof)
 
     kernel: Kernel = problem.cached(("kernel", name), build)
+    return kernel
+
+
+def chosen_kernel(problem: Problem, limit: ChosenLimit, row: int) -> Kernel:
+    """The kernel of a row of a limit whose constants are chosen, one for all rows that share its expression."""
+    expression, requirements = limit.expressions[row], problem.requirements
+
+    def build() -> Kernel:
+        parameters = len(requirements.parameters)
+        function = state_function(limit.id, expression, requirements.dof, parameters, limit.number)
+        return Kernel(function, requirements.dof)
+
+    kernel: Kernel = problem.cached(("kernel", limit.id, expression), build)
     return kernel

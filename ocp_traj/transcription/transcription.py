@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ocp_traj.arrays import Array, Index
+from ocp_traj.formulation.chosen import ChosenLimit
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint, PointConstraint
@@ -17,7 +18,7 @@ from ocp_traj.formulation.rows import Row
 from ocp_traj.formulation.scalarise import Scalarisation, check_names, value_of
 from ocp_traj.transcription.derivative_values import DerivativeValues
 from ocp_traj.transcription.instant_program import InstantProgram, Rows
-from ocp_traj.transcription.instant_values import InstantValues
+from ocp_traj.transcription.instant_values import InstantValues, chosen_values
 from ocp_traj.transcription.instants import Instant, step_nodes
 from ocp_traj.transcription.nlp import NLP
 from ocp_traj.transcription.scalar_objective import ScalarObjective
@@ -47,7 +48,7 @@ def transcribe(
     scalar = _scalar(problem, scalarisation)
     table = _Table(problem)
     steps = [table.steps(objective, instants) for objective in variations(problem, scalarisation.names)]
-    for limit in problem.requirements.path_constraints:
+    for limit in problem.path_limits:
         members = [instant for instant in instants if instant.limit == limit.id]
         if members:
             table.limit(limit, members, back_off)
@@ -181,7 +182,12 @@ class _Table:
         ]
         entry, instant = np.array(entries, dtype=np.intp).reshape(-1, 2).T
         rows, factor = len(self.rows) + np.arange(len(entries)), 1.0 / limit.scale[entry]
-        if limit.order is None:
+        if isinstance(limit, ChosenLimit):
+            chosen = chosen_values(self.problem, limit, entry.tolist(), [members[j] for _, j in entries])
+            for some, values in chosen:
+                count = np.arange(len(some))
+                self.parts.append(Rows(values, rows[some], count, np.zeros_like(count), factor[some]))
+        elif limit.order is None:
             self.parts.append(Rows(InstantValues.of(self.problem, limit.id, members), rows, instant, entry, factor))
         else:
             derivatives = [(limit.order, i, members[j]) for i, j in entries]

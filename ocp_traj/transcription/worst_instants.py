@@ -13,14 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ocp_traj.arrays import Array, Index
+from ocp_traj.curves.bernstein import basis
+from ocp_traj.formulation.chosen import ChosenLimit
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import SWEEP, PathConstraint
-from ocp_traj.transcription.instant_values import InstantValues, InstantValuesAt, Peak
+from ocp_traj.transcription.instant_values import ChosenValues, InstantValues, InstantValuesAt, Peak
 from ocp_traj.transcription.instants import Instant
-from ocp_traj.transcription.kernel import limit_kernel
+from ocp_traj.transcription.kernel import chosen_kernel, limit_kernel
 from ocp_traj.transcription.shape import ShapeAt, shape_of
 
 SCAN = 48  # samples a segment when looking for peaks: our choice, far denser than the degrees in use have peaks
+SCAN_CHOSEN = 17  # of limits whose constants are chosen, whose curves have many segments: our choice
+FIRST_CHOSEN = 4  # instants a segment of such limits in the first grid, its end left out: our choice
+NEARBY = 1.0  # of its size: a row of such a limit that is farther above its bound is not looked at; our choice
 FINE = 33  # samples about a sample that stands out, from one neighbour to the other: our choice
 NEWTON, NEWTON_SWEPT = 4, 8  # steps: our choice
 RACING = 1e3  # segments a peak moves when x doubles: it is so flat that an instant that stays holds it as well
@@ -37,10 +42,11 @@ def worst_instants(problem: Problem, x: Array, back_off: float) -> tuple[list[In
     shape = shape_of(problem).at(x)
     found: list[Instant] = []
     worst = 0.0
-    for limit in problem.requirements.path_constraints:
+    for limit in problem.path_limits:
         # Hull rows hold a limit between instants: of it a peak is one that breaks the limit itself.
         inside = 0.0 if limit.id in problem.tuning.hull_rows else back_off
-        members, excess = _Peaks(problem, limit, shape, inside).sharpened()
+        peaks = _ChosenPeaks if isinstance(limit, ChosenLimit) else _Peaks
+        members, excess = peaks(problem, limit, shape, inside).sharpened()
         found += members
         worst = max(worst, excess - inside)
     return found, worst
@@ -72,13 +78,18 @@ class _Peaks:
         segments, rows, u, sweep = self._scanned()
         if not len(rows):
             return [], 0.0
-        values = self._values(segments, u, sweep)
+        return self._sharpened(segments, rows, u, sweep)
+
+    def _sharpened(
+        self, segments: Index, rows: Index, u: Array, sweep: Array | None
+    ) -> tuple[list[Instant], float]:
+        values = self._values(segments, u, sweep, rows)
         width = (
             np.array([1.0 / (SCAN - 1), SWEEP[1]])
             if self.limit.sweep
             else np.array([2.0 / (SCAN - 1) / (FINE - 1)] * 2)
         )
-        weights = _one_row(rows, values.kernel.rows) / self.limit.scale
+        weights = _one_row(self._entries(rows), values.kernel.rows) / self.limit.scale[rows][:, None]
         first = np.stack([u, np.zeros_like(u) if sweep is None else sweep], axis=1)
         places = first.copy()
         begun, at = self._excess(values, places, rows)
@@ -107,7 +118,11 @@ class _Peaks:
         moved = _moving(members, found, free, values, self.shape.x)
         return [moved[i] for i in kept.tolist()], float(largest.max())
 
-    def _values(self, segments: Index, u: Array, sweep: Array | None) -> InstantValues:
+    def _entries(self, rows: Index) -> Index:
+        """Which of the values at an instant belongs to a row, of rows ``(N,)``."""
+        return rows
+
+    def _values(self, segments: Index, u: Array, sweep: Array | None, rows: Index | None = None) -> InstantValues:
         limit = self.limit
         return InstantValues(
             self.shape.shape, limit_kernel(self.problem, limit.id), segments, u, sweep,
@@ -122,7 +137,7 @@ class _Peaks:
     ) -> tuple[tuple[Array, NDArray[np.bool_]], InstantValuesAt]:
         """Scaled excess of one row an instant ``(N,)``, and whether that is over the upper bound."""
         at = self._at(values, places)
-        own = at.values[np.arange(len(rows)), rows] / self.limit.scale[rows]
+        own = at.values[np.arange(len(rows)), self._entries(rows)] / self.limit.scale[rows]
         over, under = own - self.high[rows], self.low[rows] - own
         return (np.maximum(over, under), over >= under), at
 
@@ -154,8 +169,9 @@ class _Peaks:
     def _closer(self, segments: Index, rows: Index, u: Array, side: float) -> Array:
         """The highest of finer samples about each: narrow peaks lie where Newton's method would go astray."""
         close = np.clip(u[:, None] + np.linspace(-1.0, 1.0, FINE) / (SCAN - 1), 0.0, 1.0)
-        values = self._values(np.repeat(segments, FINE), close.ravel(), None).at(self.shape).values
-        own = np.take_along_axis(values.reshape(*close.shape, -1), rows[:, None, None], axis=2)[:, :, 0]
+        values = self._values(np.repeat(segments, FINE), close.ravel(), None, np.repeat(rows, FINE)).at(self.shape)
+        table = values.values.reshape(*close.shape, -1)
+        own = np.take_along_axis(table, self._entries(rows)[:, None, None], axis=2)[:, :, 0]
         own = np.where(np.isfinite(own), own, -side * np.inf)
         return np.asarray(close[np.arange(len(rows)), np.argmax(side * own, axis=1)])
 
@@ -167,6 +183,85 @@ class _Peaks:
         if not self.limit.sweep:
             free[:, 1] = False
         return np.asarray(free)
+
+
+class _ChosenPeaks(_Peaks):
+    """The peaks of one limit whose constants are chosen: of its rows only those near their bounds are looked at."""
+
+    limit: ChosenLimit
+
+    def sharpened(self) -> tuple[list[Instant], float]:
+        """See ``_Peaks``; rows with one expression together."""
+        segments, rows, u, _ = self._scanned()
+        members: list[Instant] = []
+        worst = 0.0
+        for some in _alike(self.limit, rows):
+            found, excess = self._sharpened(segments[some], rows[some], u[some], None)
+            members += found
+            worst = max(worst, excess)
+        return members, worst
+
+    def _entries(self, rows: Index) -> Index:
+        return np.zeros_like(rows)
+
+    def _values(self, segments: Index, u: Array, sweep: Array | None, rows: Index | None = None) -> InstantValues:
+        assert rows is not None and len(rows)
+        kernel = chosen_kernel(self.problem, self.limit, int(rows[0]))
+        return ChosenValues(self.shape.shape, kernel, segments, u, self.limit, rows)
+
+    def _scanned(self) -> tuple[Index, Index, Array, Array | None]:
+        u = np.linspace(0.0, 1.0, SCAN_CHOSEN)
+        excess = -near_values(self.problem, self.limit, self.shape, self.segments, u) / self.limit.size
+        k, row, i, _ = np.nonzero(_stands_out(excess[..., None]))
+        segments, rows, place = self.segments[k], row.astype(np.intp), u[i]
+        for some in _alike(self.limit, rows):
+            place[some] = self._closer(segments[some], rows[some], place[some], -1.0)
+        return segments, rows, place, None
+
+
+def near_values(problem: Problem, limit: ChosenLimit, shape: ShapeAt, segments: Index, u: Array) -> Array:
+    """How far a chosen limit's rows are above their bounds ``(K, rows, instants)``, infinite where that is far.
+
+    Args:
+        problem: whose.
+        limit: of its chosen limits.
+        shape: its curve at one x.
+        segments: of the curve ``(K,)``.
+        u: local times of the instants, on each of them.
+    """
+    each, places = np.repeat(segments, len(u)), np.tile(u, len(segments))
+    q = np.concatenate([
+        basis(int(n), u) @ shape.points[k, : n + 1] for k, n in zip(segments, shape.shape.degrees[segments], strict=True)
+    ])
+    above = limit.least_at(q, shape.parameters[each]) - limit.lower
+    at, rows = np.nonzero(above < NEARBY * limit.size)
+    found = np.full(above.shape, np.inf)
+    for some in _alike(limit, rows):
+        kernel = chosen_kernel(problem, limit, int(rows[some[0]]))
+        values = ChosenValues(shape.shape, kernel, each[at[some]], places[at[some]], limit, rows[some]).at(shape).values
+        found[at[some], rows[some]] = values[:, 0] - limit.lower[rows[some]]
+    return found.reshape(len(segments), len(u), -1).swapaxes(1, 2)
+
+
+def near_instants(problem: Problem, x: Array) -> list[Instant]:
+    """Instants of limits whose constants are chosen, at which rows are near their bounds at ``x (n,)``: a first grid."""
+    shape, found = shape_of(problem).at(x), []
+    u = np.linspace(0.0, 1.0, FIRST_CHOSEN)
+    for limit in problem.chosen_limits:
+        segments = np.array(list(filter(limit.holds_on, range(len(shape.durations)))), dtype=np.intp)
+        above = near_values(problem, limit, shape, segments, u[:-1])
+        rows: dict[tuple[int, int], list[int]] = {}
+        for k, row, i in np.argwhere(above < limit.size).tolist():
+            rows.setdefault((k, i), []).append(row)
+        found += [Instant(limit.id, int(segments[k]), float(u[i]), tuple(own)) for (k, i), own in rows.items()]
+    return found
+
+
+def _alike(limit: ChosenLimit, rows: Index) -> list[Index]:
+    """Places of rows that share an expression, of rows ``(N,)``."""
+    numbers = {expression: i for i, expression in enumerate(dict.fromkeys(limit.expressions))}
+    each = np.array([numbers[limit.expressions[row]] for row in rows.tolist()], dtype=np.intp)
+    return [np.flatnonzero(each == number) for number in np.unique(each)]
 
 
 def _one_row(rows: Index, count: int) -> Array:
