@@ -58,8 +58,8 @@ class ClearanceConstraint:
             first, second = (self.bodies[index] for index in pair)
             if first.joint == second.joint:
                 raise ProblemDefinitionError(
-                    f"limit {self.id!r}: {quoted(first.name)} and {quoted(second.name)} do not move against each other; "
-                    "leave the pair out"
+                    f"limit {self.id!r}: {quoted(first.name)} and {quoted(second.name)} do not move against each "
+                    "other; leave the pair out"
                 )
 
     @cached_property

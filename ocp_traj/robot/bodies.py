@@ -8,7 +8,7 @@ How to use them::
 
     ball = sphere("ball", 0, [0.5, 0.0, 0.3], 0.1)          # joint 0 is the world
     arm = capsule("arm", 3, [0, 0, 0], [0.4, 0, 0], 0.05)   # in the frame of joint 3 of the robot's model
-    arm.vertices                                            # (2, 3) in that frame; the body is their hull grown by radius
+    arm.vertices                                            # (2, 3) in that frame; the body: their hull, grown
     points_in_world(robot, q, arm.joint, arm.vertices)      # SX (3, 2) of actuator coordinates q
     arm.support(n)                                          # the largest n . x, n in the joint's frame
     shape, placement = arm.coal()                           # for coal.distance; placement in the joint's frame
@@ -42,7 +42,7 @@ ROTATED = 1e-9  # how far a rotation's columns may be from orthonormal
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A convex body in the frame of a joint; make one by ``sphere``, ``capsule``, ``box``, ``cylinder``, ``half_space``.
+    """A convex body in the frame of a joint; see ``sphere``, ``capsule``, ``box``, ``cylinder``, ``half_space``.
 
     Attributes:
         name: unique among the bodies of a robot and its cell.
@@ -124,7 +124,10 @@ class Body:
         return shape, placement
 
     def prism(self, sides: int = 16) -> Array:
-        """Vertices ``(2 sides, 3)`` of a regular prism around a cylinder's core, off it by R (1 / cos(pi / sides) - 1)."""
+        """Vertices ``(2 sides, 3)`` of a regular prism around a cylinder's core.
+
+        It stands off by R (1 / cos(pi / sides) - 1): 2 % of R for 16 sides.
+        """
         turns = np.arange(sides) * (2.0 * pi / sides)
         reach = float(self.half[0]) / cos(pi / sides) * (1.0 + 1e-15)
         ring = np.stack([reach * np.cos(turns), reach * np.sin(turns)], axis=1)

@@ -1,4 +1,4 @@
-"""Capsules that enclose a mesh: it is cut by planes into parts, each in a capsule of its own, while that makes them smaller.
+"""Capsules that enclose a mesh, cut by planes into parts with a capsule each while that makes them smaller.
 
 A part is cut with its triangles, so that the capsules enclose the surface and, as each holds the convex hull of its
 part, the solid inside it as well. How far a capsule stands off is the one-sided Hausdorff distance from it to the

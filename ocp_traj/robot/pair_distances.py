@@ -1,61 +1,36 @@
-"""Signed distances of pairs of convex bodies fixed to a robot's joints or to the world, at many postures at once.
+"""Signed distances of pairs of bodies fixed to a robot's joints or to the world, at many postures at once.
 
-A body is a core (a segment, a box or a half-space) grown by a radius. What the distance at a posture depends on, the
-features that are nearest there (see ``separation``), is told in the frames of the joints that carry the bodies: with
-these numbers held, ``expression`` is the distance as a smooth function of the posture, exact there to second order.
+Which points, edges or faces are nearest at a posture (see ``separation``) is told in the frames of the joints that
+carry the bodies: with these numbers held, ``expression`` is the distance as a smooth function of the posture, exact
+there, with its slopes; to second order as well where no face of a core is curved or turns.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import casadi
+import coal
 import numpy as np
-import pinocchio as pin
 
 from ocp_traj.arrays import Array, Index
-from ocp_traj.robot.dynamics import forward_kinematics
+from ocp_traj.robot.bodies import BOX, CAPSULE, CYLINDER, HALF_SPACE, SPHERE, Body
+from ocp_traj.robot.placements import placements_function
 from ocp_traj.robot.robot import Robot
-from ocp_traj.robot.separation import Nearest, box_plane, segment_box, segment_plane, segment_segment
+from ocp_traj.robot.separation import (
+    Nearest,
+    box_plane,
+    cylinder_plane,
+    segment_box,
+    segment_cylinder,
+    segment_plane,
+    segment_segment,
+)
 
-CONSTANTS = 17  # point, edge; point, edge, normal; flat, radius: what the features at a posture are told by
-
-
-@dataclass(frozen=True, eq=False)
-class Core:
-    """What a body is grown from, in the frame of the joint that carries it.
-
-    Attributes:
-        kind: ``segment`` (a point is one without length), ``box`` or ``plane``.
-        joint: index of the joint in the robot's model, 0 for the world.
-        points: a segment's ends ``(2, 3)``; of a box its centre ``(1, 3)``; of a half-space its normal ``(1, 3)``.
-        radius: by which it is grown [m].
-        rotation: of a box ``(3, 3)``, its columns the axes.
-        half: of a box half its sizes ``(3,)``; of a half-space normal . x <= offset that offset ``(1,)``.
-    """
-
-    kind: str
-    joint: int
-    points: Array
-    radius: float = 0.0
-    rotation: Array | None = None
-    half: Array | None = None
-
-    @cached_property
-    def ball(self) -> tuple[Array, float]:
-        """Centre ``(3,)`` and radius of a ball that holds the body; the radius is infinite for a half-space."""
-        if self.kind == "segment":
-            return self.points.mean(axis=0), 0.5 * float(np.linalg.norm(self.points[1] - self.points[0])) + self.radius
-        if self.kind == "box":
-            assert self.half is not None
-            return self.points[0], float(np.linalg.norm(self.half)) + self.radius
-        return np.zeros(3), np.inf
-
-
-_ORDER = {"segment": 0, "box": 1, "plane": 2}
+CONSTANTS = 17  # point, edge; point, edge, normal; flat, radius: what is nearest at a posture is told by
+ORDER = {SPHERE: 0, CAPSULE: 0, CYLINDER: 1, BOX: 2, HALF_SPACE: 3}  # which body of a pair comes first
 
 
 class PairDistances:
@@ -64,64 +39,51 @@ class PairDistances:
     Args:
         robot: whose joints carry them.
         pairs: of bodies, one at least on a joint that moves.
+
+    Attributes:
+        pairs: the same, each with the simpler body first.
+        joints: that carry them ``(pairs, 2)``.
+        radius: sum of the radii by which the cores are grown ``(pairs,)`` [m].
     """
 
-    def __init__(self, robot: Robot, pairs: Sequence[tuple[Core, Core]]) -> None:
+    def __init__(self, robot: Robot, pairs: Sequence[tuple[Body, Body]]) -> None:
+        """Puts the numbers of all pairs in arrays."""
         self.robot = robot
-        self.pairs = [pair if _ORDER[pair[0].kind] <= _ORDER[pair[1].kind] else pair[::-1] for pair in pairs]
-        kinds = [(a.kind, b.kind) for a, b in self.pairs]
+        self.pairs = [pair if ORDER[pair[0].kind] <= ORDER[pair[1].kind] else pair[::-1] for pair in pairs]
+        kinds = [(ORDER[a.kind], ORDER[b.kind]) for a, b in self.pairs]
         self._kinds = {kind: i for i, kind in enumerate(dict.fromkeys(kinds))}
         self._kind = np.array([self._kinds[kind] for kind in kinds], dtype=np.intp)
         self.joints = np.array([[a.joint, b.joint] for a, b in self.pairs], dtype=np.intp).reshape(-1, 2)
         self.radius = np.array([a.radius + b.radius for a, b in self.pairs])
-        self._data = [self._stacked(side) for side in (0, 1)]
-
-    def _stacked(self, side: int) -> dict[str, Array]:
-        """The numbers of all cores on one side, in arrays over the pairs."""
-        cores = [pair[side] for pair in self.pairs]
-        return {
-            "points": np.stack([np.broadcast_to(c.points, (2, 3)) for c in cores]),
-            "rotation": np.stack([np.eye(3) if c.rotation is None else c.rotation for c in cores]),
-            "half": np.stack([np.zeros(3) if c.half is None else np.broadcast_to(c.half, (3,)) for c in cores]),
-        }
-
-    @cached_property
-    def _frames(self) -> Any:
-        """Casadi Function q -> rotations and places of all joints that carry a body, stacked ``(12 joints,)``."""
-        q = casadi.SX.sym("q", self.robot.size)
-        parts = [casadi.vertcat(casadi.vec(r), p) for r, p in (self.frame(q, int(j)) for j in self._carriers)]
-        return casadi.Function("frames", [q], [casadi.densify(casadi.vertcat(*parts))])
-
-    @cached_property
-    def _carriers(self) -> Index:
-        return np.unique(self.joints)
-
-    def frame(self, q: Any, joint: int) -> tuple[Any, Any]:
-        """Rotation ``(3, 3)`` and place ``(3,)`` of a joint's frame in the world, symbolic; of the world for 0."""
-        if joint == 0:
-            return casadi.SX.eye(3), casadi.SX.zeros(3)
-        zero = casadi.SX.zeros(self.robot.size)
-        return forward_kinematics(self.robot.model, self.robot._serial(q, zero, zero)[0], joint, pin.SE3.Identity())
+        self._carriers: Index = np.unique(self.joints)
+        self._frames = placements_function(robot, self._carriers.tolist())
+        bodies = [[pair[side] for pair in self.pairs] for side in (0, 1)]
+        self._centre = [np.array([b.centre for b in own]).reshape(-1, 3) for own in bodies]
+        self._axes = [np.array([b.axes for b in own]).reshape(-1, 3, 3) for own in bodies]
+        self._half = [np.array([b.half for b in own]).reshape(-1, 3) for own in bodies]
+        self._reach = [np.linalg.norm(half, axis=1) for half in self._half]  # of a ball about each core
 
     def placements(self, q: Array) -> tuple[Array, Array]:
-        """Rotations ``(N, joints, 3, 3)`` and places ``(N, joints, 3)`` of the carriers at postures ``(N, dof)``."""
+        """Rotations ``(N, joints, 3, 3)`` and places ``(N, joints, 3)`` of joints with bodies at postures ``(N, dof)``."""
         found = np.array(self._frames.map(len(q))(q.T)).T.reshape(len(q), -1, 12)
-        return found[:, :, :9].reshape(len(q), -1, 3, 3).swapaxes(2, 3), found[:, :, 9:]
+        return found[:, :, :9].reshape(len(q), -1, 3, 3), found[:, :, 9:]
 
     def at_least(self, q: Array) -> Array:
-        """What the distances ``(N, pairs)`` are at least, by balls about the bodies; -inf beside a half-space."""
+        """What the distances ``(N, pairs)`` are at least, by balls about the bodies; their own over a half-space."""
         rotations, places = self.placements(q)
-        centres, radii = [], []
-        for side in (0, 1):
-            balls = [pair[side].ball for pair in self.pairs]
-            local = np.array([centre for centre, _ in balls])
-            carrier = np.searchsorted(self._carriers, self.joints[:, side])
-            centres.append(np.einsum("npij,pj->npi", rotations[:, carrier], local) + places[:, carrier])
-            radii.append(np.array([radius for _, radius in balls]))
-        return np.asarray(np.linalg.norm(centres[0] - centres[1], axis=2) - radii[0] - radii[1])
+        carriers = [np.searchsorted(self._carriers, self.joints[:, side]) for side in (0, 1)]
+        centres = [
+            np.einsum("npij,pj->npi", rotations[:, own], self._centre[side]) + places[:, own]
+            for side, own in enumerate(carriers)
+        ]
+        apart = centres[0] - centres[1]
+        normal = np.einsum("npij,pj->npi", rotations[:, carriers[1]], self._axes[1][:, :, 2])
+        over_plane = (apart * normal).sum(axis=2) - self._reach[0]
+        between = np.linalg.norm(apart, axis=2) - self._reach[0] - self._reach[1]
+        return np.asarray(np.where(np.isinf(self._reach[1]), over_plane, between) - self.radius)
 
     def nearest(self, q: Array, rows: Index, placed: tuple[Array, Array] | None = None) -> Nearest:
-        """What is nearest of pair ``rows[i]`` at posture ``q[i]``: the cores', without their radii.
+        """What is nearest of the cores of pair ``rows[i]`` at posture ``q[i]``.
 
         Args:
             q: postures ``(N, dof)``.
@@ -130,29 +92,40 @@ class PairDistances:
         """
         rotations, places = self.placements(q) if placed is None else placed
         found = Nearest.empty(len(q))
-        for (kind_a, kind_b), number in self._kinds.items():
+        for kinds, number in self._kinds.items():
             here = np.flatnonzero(self._kind[rows] == number)
             if len(here):
-                sides = [self._world(side, here, rows[here], rotations, places) for side in (0, 1)]
-                found.put(here, _METHODS[kind_a, kind_b](*sides))
+                a, b = (self._world(side, here, rows[here], rotations, places) for side in (0, 1))
+                method = _METHODS.get(kinds)
+                found.put(here, self._by_coal(rows[here], a, b) if method is None else method(a, b))
         return found
 
-    def _world(self, side: int, here: Index, rows: Index, rotations: Array, places: Array) -> dict[str, Array]:
+    def _world(self, side: int, here: Index, rows: Index, rotations: Array, places: Array) -> _Cores:
         carrier = np.searchsorted(self._carriers, self.joints[rows, side])
-        turn, place = rotations[here, carrier], places[here, carrier]
-        data = {name: values[rows] for name, values in self._data[side].items()}
-        turned = np.einsum("nij,nkj->nki", turn, data["points"])
-        return {
-            "points": turned + place[:, None], "rotation": turn @ data["rotation"], "half": data["half"],
-            "normal": turned[:, 0], "offset": data["half"][:, 0] + (turned[:, 0] * place).sum(axis=1),
-        }  # fmt: skip
+        turn = rotations[here, carrier]
+        centre = np.einsum("nij,nj->ni", turn, self._centre[side][rows]) + places[here, carrier]
+        return _Cores(centre, turn @ self._axes[side][rows], self._half[side][rows])
+
+    def _by_coal(self, rows: Index, a: _Cores, b: _Cores) -> Nearest:
+        """Of kinds that have no method of their own, one after the other."""
+        found = Nearest.empty(len(rows))
+        found.flat[:] = 1.0
+        shapes = {row: [_core_shape(body) for body in self.pairs[row]] for row in set(rows.tolist())}
+        request = coal.DistanceRequest()
+        for i, row in enumerate(rows.tolist()):
+            poses = [coal.Transform3s(own.axes[i], own.centre[i]) for own in (a, b)]
+            result = coal.DistanceResult()
+            found.distance[i] = coal.distance(shapes[row][0], poses[0], shapes[row][1], poses[1], request, result)
+            found.point_a[i], found.point_b[i] = result.getNearestPoint1(), result.getNearestPoint2()
+            found.normal[i] = -np.asarray(result.normal).ravel()
+        return found
 
     def distances(self, q: Array, rows: Index) -> Array:
         """Signed distances ``(N,)`` [m] of pair ``rows[i]`` at posture ``q[i]``."""
         return np.asarray(self.nearest(q, rows).distance - self.radius[rows])
 
     def constants(self, q: Array, rows: Index) -> Array:
-        """The features that are nearest, in the frames of the bodies' joints ``(N, CONSTANTS)``: see ``expression``."""
+        """What is nearest, in the frames of the bodies' joints ``(N, CONSTANTS)``; see ``expression``."""
         placed = self.placements(q)
         found = self.nearest(q, rows, placed)
         parts = []
@@ -163,31 +136,72 @@ class PairDistances:
             index = np.arange(len(q))
             turn, place = placed[0][index, carrier], placed[1][index, carrier]
             parts += [np.einsum("nji,nj->ni", turn, v) for v in (point - place, *vectors)]
-        return np.concatenate([*parts, found.flat[:, None], self.radius[rows][:, None]], axis=1)
+        return np.column_stack([*parts, found.flat, found.grown + self.radius[rows]])
 
-    def expression(self, joint_a: int, joint_b: int) -> Callable[[Any, Any], Any]:
-        """(q, c) -> the distance of bodies on two joints, symbolic, by the features c ``(CONSTANTS,)``."""
+    @cached_property
+    def expressions(self) -> list[Callable[[Any, Any], Any]]:
+        """(q ``(dof,)``, c ``(CONSTANTS,)``) -> distance of each pair, symbolic; the same object for the same joints."""
+        made = {joints: self._expression(*joints) for joints in dict.fromkeys(map(tuple, self.joints.tolist()))}
+        return [made[a, b] for a, b in self.joints.tolist()]
 
+    def _expression(self, joint_a: int, joint_b: int) -> Callable[[Any, Any], Any]:
         def distance(q: Any, c: Any) -> Any:
-            (turn_a, place_a), (turn_b, place_b) = self.frame(q, joint_a), self.frame(q, joint_b)
+            (turn_a, place_a), (turn_b, place_b) = (self.robot.joint_pose(q, joint) for joint in (joint_a, joint_b))
             point_a, edge_a, point_b, edge_b, normal = (c[3 * i : 3 * i + 3] for i in range(5))
             flat, radius = c[15], c[16]
             apart = casadi.mtimes(turn_a, point_a) + place_a - casadi.mtimes(turn_b, point_b) - place_b
             e_a, e_b = casadi.mtimes(turn_a, edge_a), casadi.mtimes(turn_b, edge_b)
             along_a, along_b, between = casadi.dot(e_a, apart), casadi.dot(e_b, apart), casadi.dot(e_a, e_b)
             within = (along_a**2 + along_b**2 - 2.0 * along_a * along_b * between) / (1.0 - between**2)
-            round_ = casadi.sqrt(casadi.sumsqr(apart) - within + flat)  # flat: a root with a slope, which is not used
-            straight = casadi.dot(casadi.mtimes(turn_b, normal), apart)
-            return flat * straight + (1.0 - flat) * round_ - radius
+            direct = casadi.sqrt(casadi.sumsqr(apart) - within + flat)  # flat: so that the unused root has slopes
+            along_normal = casadi.dot(casadi.mtimes(turn_b, normal), apart)
+            return flat * along_normal + (1.0 - flat) * direct - radius
 
         return distance
 
 
-_METHODS: dict[tuple[str, str], Callable[[dict[str, Array], dict[str, Array]], Nearest]] = {
-    ("segment", "segment"): lambda a, b: segment_segment(a["points"], b["points"]),
-    ("segment", "box"): lambda a, b: segment_box(a["points"], b["points"][:, 0], b["rotation"], b["half"]),
-    ("segment", "plane"): lambda a, b: segment_plane(a["points"], b["normal"], b["offset"]),
-    ("box", "plane"): lambda a, b: box_plane(
-        a["points"][:, 0], a["rotation"], a["half"], b["normal"], b["offset"]
-    ),
-}  # fmt: skip
+class _Cores:
+    """Cores in the world.
+
+    Attributes:
+        centre: ``(N, 3)``.
+        axes: ``(N, 3, 3)``, columns.
+        half: ``(N, 3)``.
+    """
+
+    def __init__(self, centre: Array, axes: Array, half: Array) -> None:
+        self.centre, self.axes, self.half = centre, axes, half
+
+    @property
+    def ends(self) -> Array:
+        """Of segments along the third axis ``(N, 2, 3)``."""
+        reach = self.half[:, 2:] * self.axes[:, :, 2]
+        return np.stack([self.centre - reach, self.centre + reach], axis=1)
+
+    @property
+    def box(self) -> tuple[Array, Array, Array]:
+        """Centre, axes and half lengths."""
+        return self.centre, self.axes, self.half
+
+    @property
+    def plane(self) -> tuple[Array, Array]:
+        """Normal ``(N, 3)`` and offset ``(N,)`` of half-spaces normal . x <= offset."""
+        normal = self.axes[:, :, 2]
+        return normal, (normal * self.centre).sum(axis=1)
+
+
+_METHODS: dict[tuple[int, int], Callable[[_Cores, _Cores], Nearest]] = {
+    (0, 0): lambda a, b: segment_segment(a.ends, b.ends),
+    (0, 1): lambda a, b: segment_cylinder(a.ends, *b.box),
+    (0, 2): lambda a, b: segment_box(a.ends, *b.box),
+    (0, 3): lambda a, b: segment_plane(a.ends, *b.plane),
+    (1, 3): lambda a, b: cylinder_plane(*a.box, *b.plane),
+    (2, 3): lambda a, b: box_plane(*a.box, *b.plane),
+}
+
+
+def _core_shape(body: Body) -> Any:
+    """A cylinder's or box's core as ``coal`` has it, about the origin."""
+    if body.kind == CYLINDER:
+        return coal.Cylinder(float(body.half[0]), 2.0 * float(body.half[2]))
+    return coal.Box(*(2.0 * body.half).tolist())

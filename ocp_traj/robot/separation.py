@@ -1,4 +1,4 @@
-"""Signed distance of segments from segments, boxes and half-spaces, many pairs at once, with what is nearest to what.
+"""Signed distances of segments, boxes, cylinders and half-spaces, many pairs at once, with what is nearest to what.
 
 Two convex cores a and b are nearest in features: a point, an edge or a face of each. While the features stay, the
 distance is a smooth function of where the bodies are,
@@ -20,6 +20,7 @@ from ocp_traj.arrays import Array
 
 PARALLEL = 1e-6  # of the sine squared between two edges: below it they count as parallel, and one is a point; our choice
 TOUCHING = 1e-9  # [m] between cores: below it their direction is no normal; our choice
+HALVINGS = 50  # of [0, 1], to the last digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,7 @@ class Nearest:
         edge_a, edge_b: ``(N, 3)``, unit vectors along which the point is free to slide; zero for none.
         normal: ``(N, 3)``, unit, from b to a.
         flat: ``(N,)``, 1 where the normal stays as it is fixed to b, 0 where it follows from points and edges.
+        grown: ``(N,)`` [m], by which point_b lies inside b's core: the radius of a cylinder whose side is nearest.
     """
 
     distance: Array
@@ -41,12 +43,24 @@ class Nearest:
     edge_b: Array
     normal: Array
     flat: Array
+    grown: Array
 
     @classmethod
     def empty(cls, count: int) -> Nearest:
         """Of so many pairs, to be filled."""
         vectors = (np.zeros((count, 3)) for _ in range(5))
-        return cls(np.zeros(count), *vectors, np.zeros(count))
+        return cls(np.zeros(count), *vectors, np.zeros(count), np.zeros(count))
+
+    def turned(self, rotation: Array, place: Array) -> Nearest:
+        """The same, told in frames turned ``(N, 3, 3)`` and moved ``(N, 3)`` against those it was found in."""
+
+        def turn(vectors: Array) -> Array:
+            return np.asarray(np.einsum("nij,nj->ni", rotation, vectors))
+
+        return Nearest(
+            self.distance, place + turn(self.point_a), place + turn(self.point_b), turn(self.edge_a), turn(self.edge_b),
+            turn(self.normal), self.flat, self.grown,
+        )  # fmt: skip
 
     def put(self, places: Array, found: Nearest) -> None:
         """Writes what was found at some places."""
@@ -103,7 +117,8 @@ def segment_segment(a: Array, b: Array) -> Nearest:
     normal = np.where(crossing[:, None], _unit(across), _unit(apart))
     clear = np.where(crossing[:, None], 0.0, 1.0)
     distance = np.where(crossing, _dot(normal, apart), distance)
-    return Nearest(distance, point_a, point_b, edge_a * clear, edge_b * clear, normal, crossing.astype(float))
+    none = np.zeros(len(a))
+    return Nearest(distance, point_a, point_b, edge_a * clear, edge_b * clear, normal, crossing.astype(float), none)
 
 
 def segment_plane(a: Array, normal: Array, offset: Array) -> Nearest:
@@ -124,8 +139,14 @@ def _over_plane(points: Array, heights: Array, normal: Array) -> Nearest:
     lowest = np.argmin(heights, axis=1)
     rows = np.arange(len(points))
     distance, point = heights[rows, lowest], points[rows, lowest]
-    none = np.zeros_like(point)
-    return Nearest(distance, point, point - distance[:, None] * normal, none, none, normal, np.ones(len(rows)))
+    return _flat(distance, point, normal)
+
+
+def _flat(distance: Array, point_a: Array, normal: Array) -> Nearest:
+    """Of points of a at distances along normals that stay."""
+    none, count = np.zeros_like(point_a), len(distance)
+    point_b = point_a - distance[:, None] * normal
+    return Nearest(distance, point_a, point_b, none, none, normal, np.ones(count), np.zeros(count))
 
 
 def segment_box(a: Array, centre: Array, rotation: Array, half: Array) -> Nearest:
@@ -153,18 +174,12 @@ def segment_box(a: Array, centre: Array, rotation: Array, half: Array) -> Neares
     parallel = 1.0 - _dot(edge_a, edge_b) ** 2 <= PARALLEL
     edge_a = edge_a * ~parallel[:, None]
     flat = (count == 2).astype(float)
-    found = Nearest(distance, point, on_box, edge_a * (flat == 0.0)[:, None], edge_b, _unit(apart), flat)
+    round_ = edge_a * (flat == 0.0)[:, None]
+    found = Nearest(distance, point, on_box, round_, edge_b, _unit(apart), flat, np.zeros(len(a)))
     inside = np.flatnonzero(distance <= TOUCHING)
     if len(inside):
         found.put(inside, _through_box(begin[inside], step[inside], half[inside]))
-
-    def turned(vectors: Array) -> Array:
-        return np.asarray(np.einsum("nij,nj->ni", rotation, vectors))
-
-    return Nearest(
-        found.distance, centre + turned(found.point_a), centre + turned(found.point_b), turned(found.edge_a),
-        turned(found.edge_b), turned(found.normal), found.flat,
-    )  # fmt: skip
+    return found.turned(rotation, centre)
 
 
 def _nearest_to_box(begin: Array, step: Array, half: Array) -> Array:
@@ -218,7 +233,80 @@ def _through_box(begin: Array, step: Array, half: Array) -> Nearest:
     normal = np.where(by_face[:, None], faces[face], across[rows, edge])
     distance = np.where(by_face, gaps[rows, face], edge_gaps[rows, edge])
     which = np.where(by_face, np.argmin(heights[rows, face], axis=1), 0)
-    point_a = ends[rows, which]
-    point_b = point_a - distance[:, None] * normal
-    none = np.zeros((count, 3))
-    return Nearest(distance, point_a, point_b, none, none, normal, np.ones(count))
+    return _flat(distance, ends[rows, which], normal)
+
+
+def segment_cylinder(a: Array, centre: Array, rotation: Array, half: Array) -> Nearest:
+    """Of segments from solid cylinders; of those that run through one, d is no more than how deep they are.
+
+    Args:
+        a: ends ``(N, 2, 3)`` [m].
+        centre: ``(N, 3)`` [m].
+        rotation: ``(N, 3, 3)``, its third column the axis.
+        half: radius, radius and half the height ``(N, 3)`` [m].
+    """
+    local = np.einsum("nji,nkj->nki", rotation, a - centre[:, None])
+    begin, step = local[:, 0], local[:, 1] - local[:, 0]
+    radius, height = half[:, 0], half[:, 2]
+
+    def beyond(t: Array) -> Array:
+        point = begin + t[:, None] * step
+        off = np.hypot(point[:, 0], point[:, 1])
+        share = np.where(off > radius, 1.0 - radius / np.where(off > 0.0, off, 1.0), 0.0)
+        rise = point[:, 2] - np.clip(point[:, 2], -height, height)
+        return np.column_stack([point[:, :2] * share[:, None], rise])
+
+    # The squared distance is convex: its slope along the segment only rises.
+    low, high = np.zeros(len(a)), np.ones(len(a))
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        rising = _dot(beyond(middle), step) >= 0.0
+        low, high = np.where(rising, low, middle), np.where(rising, middle, high)
+    ends = np.stack([_dot(beyond(np.full(len(a), end)), step) for end in (0.0, 1.0)])
+    t = np.where(ends[0] >= 0.0, 0.0, np.where(ends[1] <= 0.0, 1.0, 0.5 * (low + high)))
+    apart, point = beyond(t), begin + t[:, None] * step
+    distance = np.linalg.norm(apart, axis=1)
+    inner = (t > 0.0) & (t < 1.0)
+    side = (np.abs(point[:, 2]) < height) & (np.abs(apart[:, 2]) == 0.0)
+    axis = np.array([0.0, 0.0, 1.0])
+    along = _unit(step) * inner[:, None]
+    skew = 1.0 - along[:, 2] ** 2 > PARALLEL
+    edge_a = along * (side & skew)[:, None]
+    edge_b = side[:, None] * axis
+    point_b = np.where(side[:, None], point * axis, point - apart)
+    grown = np.where(side, radius, 0.0)
+    found = Nearest(distance, point, point_b, edge_a, edge_b, _unit(apart), 1.0 - side, grown)
+    inside = np.flatnonzero(distance <= TOUCHING)
+    if len(inside):
+        found.put(inside, _through_cylinder(begin[inside], step[inside], radius[inside], height[inside]))
+    return found.turned(rotation, centre)
+
+
+def _through_cylinder(begin: Array, step: Array, radius: Array, height: Array) -> Nearest:
+    """Of segments that run through a cylinder about the origin: the least way out, over its ends or straight aside."""
+    ends, rows = np.stack([begin, begin + step], axis=1), np.arange(len(begin))
+    caps = np.stack([ends[:, :, 2].min(axis=1) - height, -ends[:, :, 2].max(axis=1) - height], axis=1)
+    flat = step[:, :2]
+    size = (flat**2).sum(axis=1)
+    t = np.clip(-(begin[:, :2] * flat).sum(axis=1) / np.where(size > 0.0, size, 1.0), 0.0, 1.0)
+    near = begin + t[:, None] * step
+    off = np.hypot(near[:, 0], near[:, 1])
+    sideways = np.where((off > TOUCHING)[:, None], near[:, :2], np.column_stack([-flat[:, 1], flat[:, 0]]))
+    sideways = np.where((np.abs(sideways).max(axis=1) > 0.0)[:, None], sideways, np.array([1.0, 0.0]))
+    radial = np.column_stack([_unit(sideways), np.zeros(len(begin))])
+    aside, cap = off - radius, np.argmax(caps, axis=1)
+    by_cap = caps[rows, cap] >= aside
+    normal = np.where(by_cap[:, None], np.where(cap == 0, 1.0, -1.0)[:, None] * np.array([0.0, 0.0, 1.0]), radial)
+    which = np.argmin(np.where((cap == 0)[:, None], ends[:, :, 2], -ends[:, :, 2]), axis=1)
+    point = np.where(by_cap[:, None], ends[rows, which], near)
+    return _flat(np.where(by_cap, caps[rows, cap], aside), point, normal)
+
+
+def cylinder_plane(centre: Array, rotation: Array, half: Array, normal: Array, offset: Array) -> Nearest:
+    """Of solid cylinders from half-spaces normal . x <= offset; see ``segment_cylinder`` for cylinders."""
+    down = -np.einsum("nji,nj->ni", rotation, normal)
+    out = _unit(np.column_stack([down[:, :2], np.zeros(len(down))])) * half[:, :1]
+    end = np.where(down[:, 2] >= 0.0, half[:, 2], -half[:, 2])
+    lowest = out + end[:, None] * np.array([0.0, 0.0, 1.0])
+    point = centre + np.einsum("nij,nj->ni", rotation, lowest)
+    return _flat(_dot(point, normal) - offset, point, normal)

@@ -1,0 +1,145 @@
+"""Which bodies may touch: links with what is around them, and links with links that are no neighbours."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ocp_traj.arrays import Array, Index
+from ocp_traj.errors import FileFormatError, quoted
+from ocp_traj.files import LONGEST_PATH, read_text
+from ocp_traj.interval.tape import Tape
+from ocp_traj.robot.bodies import Body
+from ocp_traj.robot.body_distances import Cores, nearest, placed
+from ocp_traj.robot.placements import placements_function
+from ocp_traj.robot.robot import Robot
+
+POSTURES = 256  # at which pairs that touch at every one are looked for: our choice
+SEED = 0
+BEYOND = np.pi  # [rad or m] range of a joint without limits on its position
+
+Links = frozenset[frozenset[str]]  # pairs of names
+
+
+@dataclass(frozen=True)
+class BodyPairs:
+    """Pairs of indices among bodies, and those that were left out.
+
+    Attributes:
+        pairs: to be kept apart.
+        touching: pairs of links that overlap at every posture tried.
+        disabled: pairs of links left out on request.
+    """
+
+    pairs: tuple[tuple[int, int], ...]
+    touching: tuple[tuple[str, str], ...] = ()
+    disabled: tuple[tuple[str, str], ...] = ()
+
+
+def obstacle_pairs(bodies: Sequence[Body], obstacles: Iterable[int]) -> tuple[tuple[int, int], ...]:
+    """Every body that moves with each obstacle: indices among ``bodies``, which holds both."""
+    around = list(obstacles)
+    return tuple((i, j) for i, body in enumerate(bodies) if i not in around and body.joint > 0 for j in around)
+
+
+def self_pairs(
+    robot: Robot, bodies: Sequence[Body], links: Iterable[int] | None = None, disabled: Links = frozenset(),
+    postures: int = POSTURES,
+) -> BodyPairs:  # fmt: skip
+    """Pairs of bodies of a robot that move against each other and are no neighbours.
+
+    Neighbours are on one joint, or on one and that before it; locked joints are none, so that what hangs on either side
+    of a moving joint is left out, whatever is fixed in between.
+
+    Args:
+        robot: whose bodies they are.
+        bodies: of links and, it may be, surroundings.
+        links: indices of those that count; None for all.
+        disabled: pairs of links to leave out, as ``disabled_collisions`` reads them.
+        postures: seeded, within the joints' limits; pairs of links that overlap at each are left out.
+    """
+    chosen = list(range(len(bodies)) if links is None else links)
+    parents, disabled_found = list(robot.model.parents), {}
+    pairs: list[tuple[int, int]] = []
+    for place, i in enumerate(chosen):
+        for j in chosen[place + 1 :]:
+            one, two = bodies[i].joint, bodies[j].joint
+            names = bodies[i].link, bodies[j].link
+            if one == two or one == parents[two] or two == parents[one]:
+                continue
+            if frozenset(names) in disabled:
+                disabled_found[names] = None
+            else:
+                pairs.append((i, j))
+    never = _touching(robot, bodies, pairs, postures)
+    kept = tuple(pair for pair in pairs if (bodies[pair[0]].link, bodies[pair[1]].link) not in never)
+    return BodyPairs(kept, tuple(never), tuple(disabled_found))
+
+
+def body_clearances(robot: Robot, bodies: Sequence[Body], pairs: Sequence[tuple[int, int]], q: Array) -> Array:
+    """Distances of pairs of bodies ``(N, pairs)`` at postures ``(N, n)`` [m], in floats; below zero where they overlap.
+
+    Where cores meet, which have no depth, minus the sum of the radii.
+    """
+    angles = np.atleast_2d(np.asarray(q, dtype=float))
+    joints = sorted({body.joint for body in bodies})
+    values = Tape(placements_function(robot, joints)).evaluate(angles.T)[0]
+    frames = values.reshape(len(joints), 12, -1).transpose(0, 2, 1)
+    rotation, position = frames[..., :9].reshape(*frames.shape[:2], 3, 3), frames[..., 9:]
+    found = np.empty((len(angles), len(pairs)))
+    cores: dict[int, Cores] = {}
+    for index in {index for pair in pairs for index in pair}:
+        place = joints.index(bodies[index].joint)
+        cores[index] = placed([bodies[index]] * len(angles), rotation[place], position[place])
+    for k, (i, j) in enumerate(pairs):
+        x, y, normal = nearest(cores[i], cores[j])
+        found[:, k] = ((x - y) * normal).sum(axis=1) - bodies[i].radius - bodies[j].radius
+    return found
+
+
+def disabled_collisions(path: str | Path) -> Links:
+    """Pairs of links of an SRDF's ``disable_collisions``."""
+    text = read_text(path, "SRDF")
+    origin = quoted(str(path), LONGEST_PATH)
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise FileFormatError(f"{origin} is not an SRDF: it is not XML ({error})") from error
+    if root.tag != "robot":
+        raise FileFormatError(f"{origin} is not an SRDF: its root is <{root.tag}>, expected <robot>")
+    found = set()
+    for element in root.iter("disable_collisions"):
+        names = element.get("link1"), element.get("link2")
+        if names[0] is None or names[1] is None:
+            raise FileFormatError(f"{origin}: a disable_collisions names {names}; give link1 and link2")
+        found.add(frozenset((names[0], names[1])))
+    return frozenset(found)
+
+
+def _touching(
+    robot: Robot, bodies: Sequence[Body], pairs: Sequence[tuple[int, int]], postures: int
+) -> dict[tuple[str, str], None]:
+    """Pairs of links that overlap at every posture, in order."""
+    if not pairs or postures < 1:
+        return {}
+    names = [(bodies[i].link, bodies[j].link) for i, j in pairs]
+    distinct = list(dict.fromkeys(names))
+    row_of: Index = np.array([distinct.index(name) for name in names])
+    clearances = body_clearances(robot, bodies, pairs, random_postures(robot, postures))
+    least = np.full((len(distinct), postures), np.inf)
+    np.minimum.at(least, row_of, clearances.T)
+    return {name: None for name, row in zip(distinct, least, strict=True) if (row < 0.0).all()}
+
+
+def random_postures(robot: Robot, count: int, seed: int = SEED) -> Array:
+    """Postures ``(count, n)`` evenly spread within the limits on position, or within half a turn where there are none."""
+    low, high = np.full(robot.size, -BEYOND), np.full(robot.size, BEYOND)
+    if robot.limits.position is not None:
+        given_low, given_high = np.broadcast_to(np.asarray(robot.limits.position, dtype=float), (2, robot.size))
+        known = np.isfinite(given_low) & np.isfinite(given_high) & (given_high - given_low < 1e3)
+        low, high = np.where(known, given_low, low), np.where(known, given_high, high)
+    return np.random.default_rng(seed).uniform(low, high, size=(count, robot.size))
