@@ -14,6 +14,7 @@ if TYPE_CHECKING:  # a list of problems needs none of them
     from ocp_traj.formulation.problem import Problem
     from ocp_traj.formulation.summary import Summary
     from ocp_traj.io.export.exported import Exported
+    from ocp_traj.io.import_scene import Imported
     from ocp_traj.proof.verdicts import Audit, AuditRow
     from ocp_traj.reproductions.reproduce import Reproduction
     from ocp_traj.results.front import Front, Hypervolume
@@ -314,6 +315,18 @@ def export_sheet(found: Exported) -> Sheet:
     rows = [[name, f"{value:.9g}" if isinstance(value, float) else value] for name, value in found.about.items()]
     title = f"{found.format}: {found.verdict} as it will be played"
     return Sheet(data, [(title, ["of the motion", "value"], rows)] if rows else [])
+
+
+def import_sheet(found: Imported, target: Path) -> Sheet:
+    """What a task was made of."""
+    data = {"written": str(target), **asdict(found)}
+    del data["text"]
+    rows = [
+        ["bodies in the world", found.bodies],
+        ["bodies held", found.held],
+        ["joints locked", ", ".join(found.locked) or "none"],
+    ]
+    return Sheet(data, [(target.name, ["imported", ""], rows)])
 
 
 def reproduction_sheet(found: Reproduction) -> Sheet:

@@ -19,6 +19,7 @@ from ocp_traj.robot.robot import Robot
 
 SAG = 0.05  # of the radius, by which balls along a capsule fall short of it between two: our choice
 CHUNK = 256  # postures at once: the arrays stay in the processor's cache
+SIZES = (1, 16, 64, CHUNK)  # numbers of postures that there are functions for, the missing ones filled up
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +63,9 @@ class ClearanceScan:
             (_group(joint, [(balls[key], margin) for key, margin in bodies]), fixed[other])
             for (joint, other), bodies in wanted.items()
         ]
-        self._own = []
+        self._own: list[tuple[_Group, _Group, Array]] = []
         for (one, other), entries in own.items():
-            sides = [[], []]  # type: list[list[tuple[Array, Array]]]
+            sides: tuple[list[tuple[Array, Array]], ...] = ([], [])
             margins = []
             for first, second, margin in entries:
                 (pa, ra), (pb, rb) = balls[first], balls[second]
@@ -72,9 +73,11 @@ class ClearanceScan:
                 sides[0].append((pa[i], ra[i]))
                 sides[1].append((pb[j], rb[j]))
                 margins.append(np.full(len(i), margin))
-            groups = [_around(joint, *(np.concatenate(x) for x in zip(*side, strict=True))) for joint, side in
-                      zip((one, other), sides, strict=True)]
-            self._own.append((groups[0], groups[1], np.concatenate(margins)))
+            first_group, second_group = (
+                _around(joint, *(np.concatenate(parts) for parts in zip(*side, strict=True)))
+                for joint, side in zip((one, other), sides, strict=True)
+            )
+            self._own.append((first_group, second_group, np.concatenate(margins)))
 
     def clear(self, q: Array) -> Array:
         """Whether all pairs keep what is asked for at postures ``(N, n)``, ``(N,)``."""
@@ -86,9 +89,10 @@ class ClearanceScan:
 
     def _placed(self, q: Array) -> dict[int, tuple[Array, Array]]:
         """Rotations ``(N, 3, 3)`` and places ``(N, 3)`` of the joints."""
-        padded = np.zeros((CHUNK, self._size))  # one number of postures, since each has a function of its own
+        size = next(size for size in SIZES if len(q) <= size)
+        padded = np.zeros((size, self._size))
         padded[: len(q)] = q
-        found = np.array(self._frames.map(CHUNK)(padded.T)).T[: len(q)].reshape(len(q), -1, 12)
+        found = np.array(self._frames.map(size)(padded.T)).T[: len(q)].reshape(len(q), -1, 12)
         turned = found[:, :, :9].reshape(len(q), -1, 3, 3)
         return {joint: (turned[:, k], found[:, k, 9:]) for k, joint in enumerate(self._joints)}
 
