@@ -8,6 +8,7 @@ Subject to          the limits of the task, rest or given derivatives at the end
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +34,9 @@ from ocp_traj.formulation.requirements import (
     State,
 )
 from ocp_traj.formulation.retiming import retiming
-from ocp_traj.formulation.route import Route, route_of
+from ocp_traj.formulation.route import Route, exact_points, route_of
 from ocp_traj.formulation.task import Task
+from ocp_traj.formulation.task_collision import Clear, with_clearance
 from ocp_traj.formulation.task_file import read_task, task_of
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_resolution import resolve
@@ -72,6 +74,8 @@ def _problem(task: Task) -> Problem:
     robot = from_numbers(task.robot.numbers)
     route, kind, rest = route_of(task, robot.size), task.curve.kind, task.curve.rest
     _check_curve(task)
+    if task.collision is not None:
+        Clear.of(task.name, task.collision, robot).require_clear(exact_points(route))
     if kind == "cubic":
         return _posed(task, robot, route, global_cubic(route.points, robot.limits))
     if kind == "retime":
@@ -142,14 +146,17 @@ def _posed(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Pro
     worst = worst_values(objectives, made, robot.size, mass)
     if task.objective.front is not None:
         worst |= task.objective.front.reference
-    objectives, default = _minimised(task, objectives)
     problem = Problem(
         ID, made.variables, made.curve, objectives, _requirements(task, robot, route, made, limits), made.guess, task,
-        robot, parameters=lambda x: casadi.SX(mass), default_objective=default, dilate=made.dilate,
+        robot, parameters=lambda x: casadi.SX(mass), dilate=made.dilate,
         scales_in_time=made.scales_in_time, reference_point=worst,
         tuning=Tuning(starts=task.solve.starts, hull_rows=hull, solver_options=SOLVER_OPTIONS),
         about=About(title=task.name, curve_kind=f"{task.curve.kind}, {len(made.legs)} legs"),
     )  # fmt: skip
+    if task.collision is not None:
+        problem = with_clearance(problem, Clear.of(task.name, task.collision, robot), made, exact_points(route))
+    objectives, default = _minimised(task, problem.objectives)
+    problem = replace(problem, objectives=objectives, default_objective=default)
     return standard.free_payload(problem, 1e3, 1.0) if task.free_payload else problem
 
 
@@ -166,7 +173,8 @@ def _minimised(task: Task, objectives: tuple[Objective, ...]) -> tuple[tuple[Obj
             )
     if isinstance(wanted, str):
         return objectives, wanted
-    terms = {name: weight / known[name].scale for name, weight in weights.items()}
+    signs = {name: -1.0 if known[name].sense == "max" else 1.0 for name in weights}
+    terms = {name: signs[name] * weight / known[name].scale for name, weight in weights.items()}
     return (*objectives, Objective(COST, "-", terms=terms)), COST
 
 

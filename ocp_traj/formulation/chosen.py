@@ -31,6 +31,7 @@ class ChosenLimit(PathConstraint):
             below, quickly.
         number: n_c.
         size: what a row is divided by in the NLP.
+        proved_as: label of the row of the requirements that each row belongs to.
     """
 
     expressions: tuple[Expression, ...] = ()
@@ -38,6 +39,7 @@ class ChosenLimit(PathConstraint):
     at_least: Callable[[Array, Array], Array] | None = None
     number: int = 0
     size: float = 1.0
+    proved_as: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Checks that each row has an expression, and a lower bound alone."""

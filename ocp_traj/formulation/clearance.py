@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ocp_traj.arrays import Index
+from ocp_traj.curves.motion import Motion
 from ocp_traj.errors import ProblemDefinitionError, quoted
 from ocp_traj.robot.bodies import Body, unique_names
 from ocp_traj.robot.robot import Robot
@@ -25,6 +26,7 @@ class ClearanceConstraint:
         bodies: of links and surroundings.
         pairs: indices of two bodies each, of which at least one moves against the other.
         clearance: least distance [m], zero or more.
+        parameter: of the trajectory, which asks for that distance in place of ``clearance``; empty for none.
         eq: equation or table of the source.
     """
 
@@ -34,6 +36,7 @@ class ClearanceConstraint:
     pairs: tuple[tuple[int, int], ...]
     clearance: float
     eq: str = ""
+    parameter: str = ""
 
     def __post_init__(self) -> None:
         """Checks that bodies, pairs and robot fit."""
@@ -61,6 +64,10 @@ class ClearanceConstraint:
                     f"limit {self.id!r}: {quoted(first.name)} and {quoted(second.name)} do not move against each "
                     "other; leave the pair out"
                 )
+
+    def least(self, motion: Motion) -> float:
+        """The distance that a motion has to keep [m]."""
+        return float(motion.parameters[self.parameter]) if self.parameter else self.clearance
 
     @cached_property
     def labels(self) -> tuple[str, ...]:

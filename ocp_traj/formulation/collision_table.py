@@ -122,10 +122,10 @@ ALIASES = {"from": "begin", "to": "end"}
 class CollisionTable(Table):
     """``[collision]``: bodies, what they keep clear of, and by how much."""
 
-    links: Literal["urdf", "primitives", "given"] | None = Field(
+    links: Literal["urdf", "given"] | None = Field(
         None,
-        description='"urdf" for capsules fitted to the collision geometry of the robot\'s URDF, "primitives" for the '
-        'spheres, cylinders and boxes that it has, or "given" for [[collision.link]] alone',
+        description='"urdf" for the collision geometry of the robot\'s URDF, its meshes in capsules, or "given" for '
+        "[[collision.link]] alone",
     )
     link: list[LinkTable] = Field([], description="tables, [[collision.link]]")
     obstacle: list[ObstacleTable] = Field([], description="tables, [[collision.obstacle]]")
@@ -134,7 +134,9 @@ class CollisionTable(Table):
     self_clearance: Mass = Field(0.0, description="a distance between the robot's own bodies [length], 0 or more")
     srdf: str | None = Field(None, description="the path of an SRDF file, whose pairs need not keep apart")
     bodies: list[dict[str, Any]] | None = Field(None, description="bodies in numbers, as a resolved task has them")
-    pairs: list[list[str]] | None = Field(None, description="pairs of names of bodies, as a resolved task has them")
+    pairs: list[list[str]] | None = Field(None, description="names of bodies and obstacles, as a resolved task has them")
+    own_pairs: list[list[str]] = Field([], description="names of bodies of the robot, as a resolved task has them")
+    touching: list[list[str]] = Field([], description="names of links that overlap at every posture, left out")
 
     @model_validator(mode="after")
     def _something(self) -> CollisionTable:

@@ -348,7 +348,9 @@ class Requirements:
 
         return self.compiled(limit, "expression", build)
 
-    def compiled(self, limit: PathConstraint | PointConstraint, what: str, build: Callable[[], Any]) -> Any:
+    def compiled(
+        self, limit: PathConstraint | PointConstraint | ClearanceConstraint, what: str, build: Callable[[], Any]
+    ) -> Any:
         """Something built from the limit's expression, kept for the next use."""
         key = limit.id, what
         if key not in self._functions:

@@ -62,5 +62,13 @@ def route_of(task: Task, joints: int) -> Route:
     return Route(np.array(points), tuple(stops), dwells, tolerances[0], *ends)
 
 
+def exact_points(route: Route) -> list[tuple[str, Array]]:
+    """The points that every motion along a route passes exactly ``(n,)``, in words."""
+    last = len(route.points) - 1
+    names = {0: "the start", last: "the goal"}
+    inner = [] if route.tolerance.any() else range(1, last)
+    return [(names.get(i, f"point {i + 1}"), route.points[i]) for i in (0, *inner, last)]
+
+
 def _derivatives(table: Derivatives | None) -> Array | None:
     return None if table is None else np.array([table.velocity, *([table.acceleration] if table.acceleration else [])])

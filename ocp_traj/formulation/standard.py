@@ -181,24 +181,25 @@ def posture(
 
 
 def free_payload(problem: Problem, most: float, likely: float, eq: str = "") -> Problem:
-    """A problem whose only parameter is the payload, with that mass as one more variable and objective.
+    """A problem whose first parameter is the payload, with that mass as one more variable and objective.
 
     Args:
-        problem: its parameters are (payload [kg],).
+        problem: the first of its parameters is the payload [kg].
         most: largest payload [kg].
         likely: random starts have up to this [kg].
         eq: equation of the source.
     """
-    n, dilate = problem.size, problem.dilate
+    n, dilate, parameters, tighten = problem.size, problem.dilate, problem.parameters, problem.tighten_slacks
     mass = Variable("payload", np.zeros(1), np.array([most]), "kg", ("payload",), eq)
     largest = Objective("payload_mass", "kg", 10.0, "max", eq, of_variables=lambda x, p: p[0])
     return replace(
         problem,
         variables=(*problem.variables, mass),
         curve=lambda x: problem.curve(x[:n]),
-        parameters=lambda x: x[n:],
+        parameters=lambda x: casadi.vertcat(x[n:], parameters(x[:n])[1:]),
         objectives=(*problem.objectives, largest),
         guess=lambda rng: np.append(problem.guess(rng), rng.uniform(0.0, min(likely, most))),
         dilate=dilate and (lambda x, s: np.append(dilate(x[:n], s), x[n:])),
         scales_in_time=False,
+        tighten_slacks=tighten and (lambda x: np.append(tighten(x[:n]), x[n:])),
     )

@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError
+from ocp_traj.formulation.collision_resolution import resolved_collision
 from ocp_traj.formulation.task import Derivatives, Held, MoveTable, Placement, RobotTable, Source, Task, Units
 from ocp_traj.formulation.task_values import share_of
 from ocp_traj.paths.path_points import read_points
@@ -60,10 +61,14 @@ def resolve(task: Task, folder: Path) -> Task:
             words = "has goal without start; give both" if i == 0 else "has start, but begins where the one before ends"
             raise InputError(f"{task.name}: [[move]] {i + 1} {words}, or give via")
     moves = [_resolved_move(move, task, folder, robot, factor, length) for move in task.move]
+    if (collision := task.collision) is not None:
+        urdf = _urdf(task.robot, folder)
+        collision = resolved_collision(collision, task.name, robot, urdf, folder, angle, length)
     payload = _resolved_held(task.robot.payload, length)
     changed = {
         "units": Units(), "robot": RobotTable(numbers=to_numbers(robot), payload=payload),
         "limits": task.limits.model_copy(update={name: None for name in QUANTITIES}), "move": moves,
+        "collision": collision,
         "source": task.source or Source(file="code", sha256=""),
     }  # fmt: skip
     return task.model_copy(update=changed)
@@ -80,7 +85,8 @@ def _robot(table: RobotTable, folder: Path, angle: float, length: float, limits:
         return robot_of_rows(
             rows, convention=table.convention, base=base, tool=tool, limits=limits, gravity=table.gravity
         )
-    urdf = description_urdf(table.description) if table.description is not None else folder / str(table.urdf)
+    urdf = _urdf(table, folder)
+    assert urdf is not None
     robot = Robot.from_urdf(
         urdf, tool_frame=table.tool_frame, locked=_locked(table, urdf, angle, length), file_limits=own, limits=limits,
         gravity=table.gravity,
@@ -88,6 +94,13 @@ def _robot(table: RobotTable, folder: Path, angle: float, length: float, limits:
     if table.tool is not None:
         robot = replace(robot, tool=robot.tool * _placed(table.tool, angle, length))
     return robot
+
+
+def _urdf(table: RobotTable, folder: Path) -> Path | None:
+    """The robot's description; None for a robot by rows or numbers."""
+    if table.description is not None:
+        return description_urdf(table.description)
+    return None if table.urdf is None else folder / table.urdf
 
 
 def _locked(table: RobotTable, urdf: Path, angle: float, length: float) -> dict[str, float]:

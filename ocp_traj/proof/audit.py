@@ -19,6 +19,7 @@ from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.motion import Motion
 from ocp_traj.errors import MOST_NAMES, InputError, quoted
 from ocp_traj.formulation.requirements import ORDERS, PointConstraint, Requirements
+from ocp_traj.proof.clearance import ClearanceProver
 from ocp_traj.proof.prover import Prover
 from ocp_traj.proof.swept import SweptProver
 from ocp_traj.proof.values import values_at
@@ -69,6 +70,10 @@ def audit_all(
             chosen = SweptProver if limits[0].sweep else Prover
             prover = chosen(trajectories, requirements, limits, allowance, tightness, max_arcs)
             for index, found in enumerate(prover.run()):
+                rows[index].extend(found)
+        for clearance in requirements.clearance_constraints:
+            kept = ClearanceProver(trajectories, requirements, clearance, allowance, max_arcs)
+            for index, found in enumerate(kept.run()):
                 rows[index].extend(found)
         for found in rows:
             found.sort(key=lambda row: requirements.ids.index(row.limit))

@@ -75,6 +75,8 @@ class Body:
             object.__setattr__(self, name, _numbers(getattr(self, name), shape, f"{words}: {name}", name == "half"))
         if not np.abs(self.axes.T @ self.axes - np.eye(3)).max() <= ROTATED or np.linalg.det(self.axes) < 0.0:
             raise InputError(f"{words}: its axes are {self.axes.tolist()}; give a rotation")
+        if self.kind == HALF_SPACE and self.joint != 0:
+            raise InputError(f"{words} is a half-space on joint {self.joint}; one stands still in the world, joint 0")
         if not 0.0 <= self.radius < np.inf:
             raise InputError(f"{words} has the radius {self.radius} m; give a finite number, zero or more")
         if not (self.half >= 0.0).all() or (np.isinf(self.half).any() and self.kind != HALF_SPACE):
@@ -193,8 +195,8 @@ def box(
     return Body(name, BOX, joint, np.asarray(centre), turned, 0.5 * lengths, 0.0, link)
 
 
-def half_space(name: str, normal: ArrayLike, offset: float, joint: int = 0, link: str = "") -> Body:
-    """All x with normal . x <= offset, a floor or a wall: what is kept clear of it is beyond."""
+def half_space(name: str, normal: ArrayLike, offset: float, link: str = "") -> Body:
+    """All x of the world with normal . x <= offset, a floor or a wall: what is kept clear of it is beyond."""
     direction = _numbers(normal, (3,), f"body {quoted(name)}: normal")
     size = float(np.linalg.norm(direction))
     if not size > 0.0 or not np.isfinite([size, offset]).all():
@@ -203,7 +205,7 @@ def half_space(name: str, normal: ArrayLike, offset: float, joint: int = 0, link
             "give a direction and a finite offset [m]"
         )
     axes = axes_along(direction / size)
-    return Body(name, HALF_SPACE, joint, (float(offset) / size) * axes[:, 2], axes, np.full(3, np.inf), 0.0, link)
+    return Body(name, HALF_SPACE, 0, (float(offset) / size) * axes[:, 2], axes, np.full(3, np.inf), 0.0, link)
 
 
 def points_in_world(robot: Robot, q: SX, joint: int, points: ArrayLike) -> SX:
