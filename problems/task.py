@@ -40,6 +40,7 @@ from ocp_traj.formulation.task_collision import Clear, with_clearance
 from ocp_traj.formulation.task_file import read_task, task_of
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_resolution import resolve
+from ocp_traj.formulation.task_starts import with_start
 from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.paths.joint_path import JointPath
 from ocp_traj.robot.inertias import missing_inertias, require_exact, require_inertias
@@ -155,6 +156,7 @@ def _posed(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Pro
     )  # fmt: skip
     if task.collision is not None:
         problem = with_clearance(problem, Clear.of(task.name, task.collision, robot), made, exact_points(route))
+    problem = with_start(problem, task, made, route.points, problem.requirements.clearance_constraints)
     objectives, default = _minimised(task, problem.objectives)
     problem = replace(problem, objectives=objectives, default_objective=default)
     return standard.free_payload(problem, 1e3, 1.0) if task.free_payload else problem

@@ -87,7 +87,7 @@ def import_scene(
         table["robot"]["locked"] = locked
     table["limits"] = dict.fromkeys(ASKED, TO_FILL)
     table["move"] = [{"start": start, "goal": goal}]
-    table["collision"] = _collision(scene, held, source, robot, folder, srdf)
+    table["collision"] = _collision(scene, held, robot, folder, srdf)
     _scaled(table, request, given, str(request_file))
     changed(table, given)
     to_fill = tuple(f"limits.{name}" for name in ASKED if table.get("limits", {}).get(name) == TO_FILL)
@@ -178,11 +178,9 @@ def _ends(
 
 
 def _collision(
-    scene: Scene, held: list[Held], urdf: Path, robot: Robot, folder: Path, srdf: Path | None
+    scene: Scene, held: list[Held], robot: Robot, folder: Path, srdf: Path | None
 ) -> dict[str, Any]:
-    root = urdf_root(*urdf_text(urdf))
-    meshes = any(part.find("geometry/mesh") is not None for part in root.iter("collision"))
-    table: dict[str, Any] = {"links": "urdf" if meshes else "primitives"}
+    table: dict[str, Any] = {"links": "urdf"}
     if srdf is not None:
         if not srdf.is_file():
             raise FileFormatError(f"cannot read the SRDF file {srdf}: there is none; leave --srdf out, or give one")
