@@ -75,14 +75,15 @@ def _problem(task: Task) -> Problem:
     robot = from_numbers(task.robot.numbers)
     route, kind, rest = route_of(task, robot.size), task.curve.kind, task.curve.rest
     _check_curve(task)
-    if task.collision is not None:
-        Clear.of(task.name, task.collision, robot).require_clear(exact_points(route))
+    clear = None if task.collision is None else Clear.of(task.name, task.collision, robot)
+    if clear is not None:
+        clear.require_clear(exact_points(route))
     if kind == "cubic":
-        return _posed(task, robot, route, global_cubic(route.points, robot.limits))
+        return _posed(task, robot, route, clear, global_cubic(route.points, robot.limits))
     if kind == "retime":
         path = JointPath.through(route.points, robot.joints)
         made = retiming(path, robot.limits, pieces=task.curve.pieces or RETIMED, rest=rest)
-        return _posed(task, robot, route, made)
+        return _posed(task, robot, route, clear, made)
     degree = DEGREES.get(kind) or (5 if robot.limits.bounds("snap") is None else 7)
     if rest > degree // 2:
         raise InputError(f"{task.name}: [curve] rest is {rest}; {kind} segments hold up to {degree // 2}")
@@ -94,7 +95,7 @@ def _problem(task: Task) -> Problem:
         )  # fmt: skip
 
     if kind != "auto":
-        return levels_of(parametrised, lambda _, made: _posed(task, robot, route, made), task.curve.pieces or 1)
+        return levels_of(parametrised, lambda _, made: _posed(task, robot, route, clear, made), task.curve.pieces or 1)
     coarsest, usual = usual_levels(degree, stops_only=len(route.points) - 2 == len(route.stops))
     pieces, finest = min(coarsest, task.curve.finest), min(usual, task.curve.finest)
     fixed = next(kind for kind, own in DEGREES.items() if own == degree)
@@ -102,7 +103,7 @@ def _problem(task: Task) -> Problem:
     def posed(count: int, made: Parametrisation) -> Problem:
         # What refinement finds is a curve of so many pieces, whatever led to it.
         curve = task.curve.model_copy(update={"kind": fixed, "pieces": count})
-        return _posed(task if count == pieces else task.model_copy(update={"curve": curve}), robot, route, made)
+        return _posed(task if count == pieces else task.model_copy(update={"curve": curve}), robot, route, clear, made)
 
     return levels_of(parametrised, posed, pieces, finest=finest, gain=task.curve.gain)
 
@@ -133,7 +134,7 @@ def _effort(task: Task, robot: Robot) -> tuple[Expression, float]:
     return effort, mass if task.payload is None else task.payload
 
 
-def _posed(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Problem:
+def _posed(task: Task, robot: Robot, route: Route, clear: Clear | None, made: Parametrisation) -> Problem:
     axes = robot.joints, robot.units
     effort, mass = _effort(task, robot)
     limits = [*standard.joint_limits(robot.limits, *axes), *made.limits]
@@ -154,8 +155,8 @@ def _posed(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Pro
         tuning=Tuning(starts=task.solve.starts, hull_rows=hull, solver_options=SOLVER_OPTIONS),
         about=About(title=task.name, curve_kind=f"{task.curve.kind}, {len(made.legs)} legs"),
     )  # fmt: skip
-    if task.collision is not None:
-        problem = with_clearance(problem, Clear.of(task.name, task.collision, robot), made, exact_points(route))
+    if clear is not None:
+        problem = with_clearance(problem, clear, made, exact_points(route))
     problem = with_start(problem, task, made, route.points, problem.requirements.clearance_constraints)
     objectives, default = _minimised(task, problem.objectives)
     problem = replace(problem, objectives=objectives, default_objective=default)

@@ -9,7 +9,7 @@ PLACES = {"ocp_traj": "ocp_traj", "problems": "ocp_traj.problems", "solvers": "o
 
 # From the ground up: what stands in a line may lean on its own line and on those above it, and on nothing below.
 LAYERS = (
-    "version errors progress arrays stopping blas rounding files display",
+    "version errors progress arrays stopping blas mapped rounding files display",
     "interval",  # a seam's error is enclosed as well, so it stands below the paths
     "curves",
     "robot",

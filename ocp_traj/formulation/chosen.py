@@ -6,9 +6,10 @@ and with these held it is a smooth expression that is equal to it there, to seco
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,7 @@ class ChosenLimit(PathConstraint):
         number: n_c.
         size: what a row is divided by in the NLP.
         proved_as: label of the row of the requirements that each row belongs to.
+        kernels: what was compiled of the expressions, for all problems that have the limit.
     """
 
     expressions: tuple[Expression, ...] = ()
@@ -40,6 +42,7 @@ class ChosenLimit(PathConstraint):
     number: int = 0
     size: float = 1.0
     proved_as: tuple[str, ...] = ()
+    kernels: dict[Hashable, Any] = field(default_factory=dict, repr=False, init=False)
 
     def __post_init__(self) -> None:
         """Checks that each row has an expression, and a lower bound alone."""

@@ -110,8 +110,7 @@ def _frame(link: LinkTable, where: str, robot: Robot) -> tuple[int, pin.SE3]:
 def _obstacle(table: ObstacleTable, where: str, number: int, angle: float, length: float) -> Body:
     label = table.name or f"obstacle {number + 1}"
     if table.plane is not None:
-        size = float(np.linalg.norm(table.plane.normal))
-        return half_space(label, np.array(table.plane.normal) / size, table.plane.offset * length)
+        return half_space(label, table.plane.normal, table.plane.offset * length)
     return _shape(table, label, where, angle, length)
 
 

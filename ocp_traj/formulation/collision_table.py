@@ -54,7 +54,7 @@ class PlaneTable(Table):
     """A half-space, such as a floor: the robot keeps normal . x >= offset."""
 
     normal: Three = Field(description="three numbers, not all zero, towards where the robot is")
-    offset: Number = Field(description="a number [length]: kept is normal . x >= offset, of the normal as a unit vector")
+    offset: Number = Field(description="a number [length]: kept is normal . x >= offset")
 
     @model_validator(mode="after")
     def _direction(self) -> PlaneTable:
@@ -136,7 +136,7 @@ class CollisionTable(Table):
     bodies: list[dict[str, Any]] | None = Field(None, description="bodies in numbers, as a resolved task has them")
     pairs: list[list[str]] | None = Field(None, description="names of bodies and obstacles, as a resolved task has them")
     own_pairs: list[list[str]] = Field([], description="names of bodies of the robot, as a resolved task has them")
-    touching: list[list[str]] = Field([], description="names of links that overlap at every posture, left out")
+    touching: list[list[str]] = Field([], description="names of links that overlap at most postures, left out")
 
     @model_validator(mode="after")
     def _something(self) -> CollisionTable:

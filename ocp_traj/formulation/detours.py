@@ -12,7 +12,7 @@ from ocp_traj.curves.families import hermite
 from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.robot.joint_limits import JointLimits
 
-TRIES = 96  # bends of a leg, ever wider: our choice
+TRIES, AT_ONCE = 96, 8  # bends of a leg, ever wider, and how many are looked at together: our choice
 SAMPLES = 24  # postures along a leg at which a bend is looked at: our choice
 WIDEST = 2.0  # [rad or m] standard deviation of a joint's bend at most: our choice
 AS_IT_IS = 0.5  # share of the starts that are tried as they are first: our choice
@@ -60,14 +60,19 @@ def _bend(
     first = 0.0 if rng.uniform() < AS_IT_IS else rng.uniform(0.0, 1.0)
     width = np.linspace(first, WIDEST, TRIES)
     bends = width[:, None] * rng.normal(size=(TRIES, curve.dof))
-    paths = straight + bends[:, None] * _BUMP(u)[:, None]
-    least = room(paths.reshape(-1, curve.dof)).reshape(TRIES, SAMPLES).min(axis=1)
-    pair = limits.bounds(0)
-    if pair is not None:
-        out = np.maximum(paths - pair[1], pair[0] - paths).max(axis=(1, 2))
-        least = np.where(out > 0.0, np.minimum(least, 0.0) - out, least)
-    clear = np.flatnonzero(least > 0.0)
-    return np.asarray(bends[clear[0] if len(clear) else int(np.argmax(least))])
+    pair, best, most = limits.bounds(0), bends[0], -np.inf
+    for some in np.split(bends, TRIES // AT_ONCE):
+        paths = straight + some[:, None] * _BUMP(u)[:, None]
+        least = room(paths.reshape(-1, curve.dof)).reshape(len(some), SAMPLES).min(axis=1)
+        if pair is not None:
+            out = np.maximum(paths - pair[1], pair[0] - paths).max(axis=(1, 2))
+            least = np.where(out > 0.0, np.minimum(least, 0.0) - out, least)
+        clear = np.flatnonzero(least > 0.0)
+        if len(clear):
+            return np.asarray(some[clear[0]])
+        if least.max() > most:
+            best, most = some[int(np.argmax(least))], float(least.max())
+    return np.asarray(best)
 
 
 def _bent(curve: PiecewiseBezier, made: Parametrisation, bends: Array) -> PiecewiseBezier:

@@ -312,6 +312,11 @@ class Requirements:
             if self.ids.count(name) > 1:
                 raise ProblemDefinitionError(f"limit id {name!r} is used {self.ids.count(name)} times; ids are unique")
         for clearance in self.clearance_constraints:
+            if clearance.parameter and clearance.parameter not in self.parameters:
+                raise ProblemDefinitionError(
+                    f"limit {clearance.id!r} is of the parameter {clearance.parameter!r}; parameters are "
+                    f"{list(self.parameters)}"
+                )
             if clearance.robot.size != self.dof:
                 raise ProblemDefinitionError(
                     f"limit {clearance.id!r} is of a robot with {clearance.robot.size} joints; there are {self.dof}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -43,6 +43,7 @@ class Clear:
 
     name: str
     constraints: tuple[ClearanceConstraint, ...]
+    _rows: dict[tuple[str, ...], tuple[ChosenLimit, ...]] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, name: str, table: CollisionTable, robot: Robot) -> Clear:
@@ -104,6 +105,12 @@ class Clear:
         (distances,) = (d for c, d in zip(self.constraints, self.distances, strict=True) if c.id == OBSTACLES)
         return float(least_distances(distances, np.array(points)).min())
 
+    def rows(self, parameters: tuple[str, ...]) -> tuple[ChosenLimit, ...]:
+        """The constraints as the NLP has them, for trajectories with some parameters; made once."""
+        if parameters not in self._rows:
+            self._rows[parameters] = tuple(clearance_rows(constraint, parameters) for constraint in self.constraints)
+        return self._rows[parameters]
+
     @property
     def keeps_off_obstacles(self) -> bool:
         """Whether there are obstacles."""
@@ -133,7 +140,7 @@ def with_clearance(
     requirements = problem.requirements
     if not clear.keeps_off_obstacles:
         requirements = replace(requirements, clearance_constraints=clear.constraints)
-        rows = _rows(clear, requirements.parameters)
+        rows = clear.rows(requirements.parameters)
         return replace(problem, requirements=requirements, chosen_limits=rows, guess=guess)
     n, dilate, parameters = problem.size, problem.dilate, problem.parameters
     (asked,) = (c.clearance for c in clear.constraints if c.id == OBSTACLES)
@@ -162,7 +169,7 @@ def with_clearance(
         scales_in_time=False,
         reference_point={**problem.reference_point, CLEARANCE: asked},
         tighten_slacks=tighten,
-        chosen_limits=_rows(clear, requirements.parameters),
+        chosen_limits=clear.rows(requirements.parameters),
     )
 
 
@@ -171,10 +178,6 @@ SCALE = 0.01  # [m] of the objective: our choice
 
 def _of_first(function: Callable[[Any], Any], n: int) -> Callable[[Any], Any]:
     return lambda x: function(x[:n])
-
-
-def _rows(clear: Clear, parameters: tuple[str, ...]) -> tuple[ChosenLimit, ...]:
-    return tuple(clearance_rows(constraint, parameters) for constraint in clear.constraints)
 
 
 def _along(clear: Clear, curve: Any) -> float:

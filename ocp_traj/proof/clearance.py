@@ -82,7 +82,7 @@ class ClearanceProver:
         allowance: float, max_arcs: int,
     ) -> None:  # fmt: skip
         self.trajectories, self.limit, self.max_arcs = trajectories, limit, max_arcs
-        self.allowance = float(allowance_of(np.array(limit.clearance), allowance))
+        self.share = allowance
         self.joints = Joints.of(limit.robot, [body.joint for body in limit.bodies])
         self.table = BodyTable.of(limit.bodies, self.joints.indices)
         self.one, self.two = np.array(limit.pairs, dtype=np.intp).T
@@ -101,6 +101,8 @@ class ClearanceProver:
         return [self._prove(motion) for motion in self.trajectories]
 
     def _prove(self, motion: Motion) -> list[AuditRow]:
+        self.asked = self.limit.least(motion)
+        self.allowance = float(allowance_of(np.array(self.asked), self.share))
         rows = len(self.limit.labels)
         self.attained, self.instant = np.full(rows, np.inf), np.zeros(rows)
         self.proved, self.boxes = np.full(rows, np.inf), np.zeros(rows, dtype=int)
@@ -210,7 +212,7 @@ class ClearanceProver:
     def _open(self, batch: _Batch, bound: Array) -> NDArray[np.bool_]:
         """Which pairs and arcs to halve: not decided, and not hopeless; or what may hold the least clearance of all."""
         row = self.limit.row_of[batch.pair]
-        allowed = self.limit.clearance - self.allowance
+        allowed = self.asked - self.allowance
         ends = np.minimum(batch.first.apart, batch.last.apart)
         ends = np.where((ends >= 0.0) | self.flat[batch.pair], ends - self.radii[batch.pair], -np.inf)
         undecided = ~(bound >= allowed) & ~(self.attained[row] < allowed) & (ends >= allowed)
@@ -218,12 +220,12 @@ class ClearanceProver:
         return np.asarray(undecided | (~(bound >= least) & (ends >= least)))
 
     def _rows(self) -> list[AuditRow]:
-        limit, scale = self.limit, self.limit.clearance or 1.0
+        limit, asked, scale = self.limit, self.asked, self.asked or 1.0
         return [
             AuditRow(
-                limit.id, label, "m", limit.clearance, float(attained), float(instant), float(proved),
-                (float(proved) - limit.clearance) / scale,
-                decide(-float(attained), -float(proved), self.allowance - limit.clearance), int(boxes),
+                limit.id, label, "m", asked, float(attained), float(instant), float(proved),
+                (float(proved) - asked) / scale,
+                decide(-float(attained), -float(proved), self.allowance - asked), int(boxes),
                 None, self.allowance,
             )
             for label, attained, instant, proved, boxes in zip(

@@ -16,6 +16,7 @@ import coal
 import numpy as np
 
 from ocp_traj.arrays import Array, Index
+from ocp_traj.mapped import Mapped
 from ocp_traj.robot.bodies import BOX, CAPSULE, CYLINDER, HALF_SPACE, SPHERE, Body
 from ocp_traj.robot.placements import placements_function
 from ocp_traj.robot.robot import Robot
@@ -56,7 +57,7 @@ class PairDistances:
         self.joints = np.array([[a.joint, b.joint] for a, b in self.pairs], dtype=np.intp).reshape(-1, 2)
         self.radius = np.array([a.radius + b.radius for a, b in self.pairs])
         self._carriers: Index = np.unique(self.joints)
-        self._frames = placements_function(robot, self._carriers.tolist())
+        self._frames = Mapped(placements_function(robot, self._carriers.tolist()))
         bodies = [[pair[side] for pair in self.pairs] for side in (0, 1)]
         self._centre = [np.array([b.centre for b in own]).reshape(-1, 3) for own in bodies]
         self._axes = [np.array([b.axes for b in own]).reshape(-1, 3, 3) for own in bodies]
@@ -65,7 +66,7 @@ class PairDistances:
 
     def placements(self, q: Array) -> tuple[Array, Array]:
         """Rotations ``(N, joints, 3, 3)`` and places ``(N, joints, 3)`` of joints with bodies at postures ``(N, dof)``."""
-        found = np.array(self._frames.map(len(q))(q.T)).T.reshape(len(q), -1, 12)
+        found = self._frames(q)[0].reshape(len(q), -1, 12).copy()
         return found[:, :, :9].reshape(len(q), -1, 3, 3), found[:, :, 9:]
 
     def at_least(self, q: Array) -> Array:

@@ -126,8 +126,8 @@ class InstantValues(BySegment):
             None if table is None else table[segments],
         )  # fmt: skip
 
-    def constants_at(self, q: Array) -> Array:
-        """The constants ``(N, n_c)`` at postures ``(N, dof)``."""
+    def constants_at(self, shape: ShapeAt, q: Array) -> Array:
+        """The constants ``(N, n_c)`` at one x, where the postures are ``(N, dof)``."""
         return self.constants
 
     def depends(self) -> NDArray[np.bool_]:
@@ -182,10 +182,37 @@ class ChosenValues(InstantValues):
     ) -> None:  # fmt: skip
         super().__init__(shape, kernel, segments, u, slopes=slopes)
         self.limit, self.rows = limit, rows
+        self.together: _Together | None = None
 
-    def constants_at(self, q: Array) -> Array:
-        """The constants ``(N, n_c)`` at postures ``(N, dof)``."""
+    def constants_at(self, shape: ShapeAt, q: Array) -> Array:
+        """The constants ``(N, n_c)`` at one x, where the postures are ``(N, dof)``."""
+        if self.together is not None:
+            return self.together.constants_at(shape)[id(self)]
         return self.limit.constants_at(q, self.rows)
+
+    def postures(self, shape: ShapeAt) -> Array:
+        """The postures ``(N, dof)`` at one x."""
+        u, _ = moved_places(self.u, self.slopes, shape.local[self.segments])
+        basis = self.basis(u, 0) if self.fixed_basis is None else self.fixed_basis[:, :1]
+        return np.asarray((basis @ shape.points[self.segments])[:, 0])
+
+
+class _Together:
+    """Rows of a limit with different kernels, whose constants are chosen in one go: that is where the time goes."""
+
+    def __init__(self, members: Sequence[ChosenValues]) -> None:
+        self._members = members
+        self._rows = np.concatenate([member.rows for member in members])
+        self._at: tuple[ShapeAt, dict[int, Array]] | None = None
+
+    def constants_at(self, shape: ShapeAt) -> dict[int, Array]:
+        if self._at is None or self._at[0] is not shape:
+            q = np.concatenate([member.postures(shape) for member in self._members])
+            found = self._members[0].limit.constants_at(q, self._rows)
+            ends = np.cumsum([len(member.rows) for member in self._members])[:-1]
+            parts = np.split(found, ends)
+            self._at = shape, {id(member): part for member, part in zip(self._members, parts, strict=True)}
+        return self._at[1]
 
 
 def chosen_values(
@@ -203,6 +230,9 @@ def chosen_values(
         u, slopes = lines(shape, some, [(i.u, i.slope) for i in some])
         kernel, own = chosen_kernel(problem, limit, rows[places[0]]), np.array([rows[i] for i in places], dtype=np.intp)
         found.append((np.array(places, dtype=np.intp), ChosenValues(shape, kernel, segments, u, limit, own, slopes)))
+    together = _Together([values for _, values in found])
+    for _, values in found:
+        values.together = together
     return found
 
 
@@ -233,7 +263,7 @@ class InstantValuesAt:
         place = self.u[:, None] if self.sweep is None else np.stack([self.u, self.sweep], axis=1)
         self._arguments = (
             states.reshape(len(segments), -1), shape.durations[segments][:, None], place, shape.parameters[segments],
-            of.constants_at(derivatives[:, 0]),
+            of.constants_at(shape, derivatives[:, 0]),
         )  # fmt: skip
         self.values = kernel.values(self._arguments)
 

@@ -16,7 +16,7 @@ from ocp_traj.arrays import Array
 from ocp_traj.formulation.chosen import ChosenLimit
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS, PathConstraint, PointConstraint, state_function
-from ocp_traj.transcription.mapped import Mapped
+from ocp_traj.mapped import Mapped
 from ocp_traj.transcription.symbolic import integrand_function
 
 
@@ -112,10 +112,8 @@ def chosen_kernel(problem: Problem, limit: ChosenLimit, row: int) -> Kernel:
     """The kernel of a row of a limit whose constants are chosen, one for all rows that share its expression."""
     expression, requirements = limit.expressions[row], problem.requirements
 
-    def build() -> Kernel:
-        parameters = len(requirements.parameters)
-        function = state_function(limit.id, expression, requirements.dof, parameters, limit.number)
-        return Kernel(function, requirements.dof)
-
-    kernel: Kernel = problem.cached(("kernel", limit.id, expression), build)
+    key = expression, requirements.dof, len(requirements.parameters)
+    if key not in limit.kernels:
+        limit.kernels[key] = Kernel(state_function(limit.id, *key, limit.number), requirements.dof)
+    kernel: Kernel = limit.kernels[key]
     return kernel

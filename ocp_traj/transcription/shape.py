@@ -13,7 +13,7 @@ import numpy as np
 
 from ocp_traj.arrays import Array, Index
 from ocp_traj.formulation.problem import Problem
-from ocp_traj.transcription.mapped import Mapped
+from ocp_traj.mapped import Mapped
 from ocp_traj.transcription.symbolic import curve_function, degrees
 
 
