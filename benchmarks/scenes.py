@@ -1,0 +1,237 @@
+"""Problems of MotionBenchMaker in clutter: solved and proved from own starts, and from those of OMPL; durations beside it.
+
+A folder has to hold, for each of ``ur5`` and ``panda``, ``ROBOT_spherized.urdf``, ``ROBOT.srdf`` and folders with
+``sceneNNNN.yaml`` and ``requestNNNN.yaml``; see docs/formats.md. Each finished problem is a line of a file, so that a run
+which was stopped goes on where it was. A proved motion is looked at in 100 000 places by code of its own
+(``sphere_robot``). Seconds are of the processor, building and proof included; a start that has not led to a proof after
+``--seconds`` counts as failed, and so does a problem after as many.
+
+    python -m benchmarks.scenes FOLDER [--every 10] [--seconds 20] [--output scenes.jsonl]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import toppra
+from numpy.typing import NDArray
+from toppra.algorithm import TOPPRA
+from toppra.constraint import JointAccelerationConstraint, JointVelocityConstraint
+
+import ocp_traj as ot
+from benchmarks.sphere_robot import Cell, SphereRobot
+from ocp_traj import problems
+from ocp_traj.files import write_text
+from ocp_traj.io.import_scene import import_scene
+from ocp_traj.results.solution import Solution
+
+Array = NDArray[np.float64]
+
+SAMPLES = 100_000  # of a proved motion
+OMPL_SECONDS = 8.0  # on the clock, of RRT-Connect
+FINE = 0.02  # [rad] between postures that OMPL's edges are checked at
+GRID = 400  # of TOPP-RA
+LIMITS: dict[str, dict[str, Any]] = {
+    "ur5": {"velocity": 3.15, "acceleration": 8.0, "jerk": 60.0},
+    "panda": {
+        "acceleration": [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0],
+        "jerk": [750.0, 375.0, 500.0, 625.0, 750.0, 1000.0, 1000.0],
+    },
+}
+
+
+def found_in(folder: Path) -> list[tuple[str, str, int]]:
+    """Robot, scene and number of all problems of a folder."""
+    return [
+        (robot, scene.parent.name, int(scene.stem.removeprefix("scene")))
+        for robot in LIMITS
+        for scene in sorted((folder / robot).glob("*/scene*.yaml"))
+    ]
+
+
+@contextmanager
+def budget(seconds: float) -> Iterator[None]:
+    """Ends what is inside, as Ctrl-C does, after so many seconds of the processor."""
+    before = signal.signal(signal.SIGPROF, lambda *_: os.kill(os.getpid(), signal.SIGINT))
+    signal.setitimer(signal.ITIMER_PROF, max(seconds, 0.01))
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def solved(task: Path, start: str, seconds: float, tries: int) -> tuple[Solution | None, float, str]:
+    """The first proved solution from seeds 0, 1, .. within a budget, the seconds it took, and the last reason if none."""
+    begun, reason = time.process_time(), ""
+    for seed in range(tries):
+        left = seconds - (time.process_time() - begun)
+        if left <= 0.0:
+            break
+        try:
+            with budget(left):
+                problem = problems.load("task", file=str(task), **{"solve.start": start})
+                found = ot.solve(problem, starts=1, seed=seed, certify=False)
+        except KeyboardInterrupt:
+            reason = f"{reason}; seed {seed} was stopped".lstrip("; ")
+            break
+        except ot.InputError as error:
+            return None, time.process_time() - begun, str(error)
+        if found.audit is not None and found.audit.proved:
+            return found, time.process_time() - begun, ""
+        reason = f"{reason}; {found.status.value}: {found.detail[:160]}".lstrip("; ")
+    return None, time.process_time() - begun, reason
+
+
+def ompl_path(cell: Cell, start: Array, goal: Array, seed: int) -> tuple[Array | None, float]:
+    """RRT-Connect of OMPL and its simplification, a Python function for what is clear: the path, and seconds."""
+    from ompl import base, geometric, util
+
+    util.setLogLevel(util.LOG_ERROR)
+    util.RNG.setSeed(seed)
+    robot, n, begun = cell.robot, len(start), time.process_time()
+    space = base.RealVectorStateSpace(n)
+    bounds = base.RealVectorBounds(n)
+    for i in range(n):
+        bounds.setLow(i, float(robot.low[i]))
+        bounds.setHigh(i, float(robot.high[i]))
+    space.setBounds(bounds)
+    setup = geometric.SimpleSetup(space)
+    setup.setStateValidityChecker(
+        lambda state: bool(cell.clearance(np.array([[state[i] for i in range(n)]]))[0] >= 0.0)
+    )
+    information = setup.getSpaceInformation()
+    information.setStateValidityCheckingResolution(FINE / space.getMaximumExtent())
+    ends = []
+    for point in (start, goal):
+        state = space.allocState()
+        for i in range(n):
+            state[i] = float(point[i])
+        ends.append(state)
+    setup.setStartAndGoalStates(*ends)
+    setup.setPlanner(geometric.RRTConnect(information))
+    setup.solve(OMPL_SECONDS)
+    if not setup.haveExactSolutionPath():
+        return None, time.process_time() - begun
+    setup.simplifySolution()
+    states = setup.getSolutionPath().getStates()
+    path = np.array([[state[i] for i in range(n)] for state in states])
+    path[0], path[-1] = start, goal
+    return path[np.concatenate([[True], np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-9])], time.process_time() - begun
+
+
+def retimed(path: Array, speed: Array, acceleration: Array) -> float:
+    """The duration that TOPP-RA gives a spline through a path's points, with limits on velocity and acceleration."""
+    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    spline = toppra.SplineInterpolator(lengths, path)
+    limits = [JointVelocityConstraint(np.stack([-speed, speed], 1)), JointAccelerationConstraint(np.stack([-acceleration, acceleration], 1))]
+    grid = np.linspace(0.0, lengths[-1], GRID + 1)
+    found = TOPPRA(limits, spline, gridpoints=grid, parametrizer="ParametrizeConstAccel").compute_trajectory()
+    return float("nan") if found is None else float(found.duration)
+
+
+def measured(folder: Path, robot: str, scene: str, number: int, seconds: float, tries: int) -> dict[str, Any]:
+    """One problem."""
+    place, limits = folder / robot, LIMITS[robot]
+    files = [place / scene / f"{word}{number:04}.yaml" for word in ("scene", "request")]
+    row: dict[str, Any] = {"robot": robot, "scene": scene, "number": number}
+    with tempfile.TemporaryDirectory() as temporary:
+        task = Path(temporary) / "task.toml"
+        changes = {f"limits.{name}": json.dumps(value) for name, value in limits.items()}
+        made = import_scene(
+            *files, task, urdf=place / f"{robot}_spherized.urdf", srdf=place / f"{robot}.srdf",
+            changes={**changes, "limits.effort": "none"},
+        )  # fmt: skip
+        write_text(task, made.text)
+        try:
+            problem = problems.load("task", file=str(task))
+        except ot.InputError as error:
+            return row | {"refused": str(error)}
+        joints, (start, goal) = problem.robot.joints, np.array(problem.case.move[0].via)
+        sphere_robot = SphereRobot(place / f"{robot}_spherized.urdf", place / f"{robot}.srdf", joints)
+        cell = Cell(sphere_robot, files[0])
+        row["valid"] = bool((cell.clearance(np.array([start, goal])) >= 0.0).all())
+        speed, acceleration = (np.array(problem.robot.limits.bounds(order)[1]) for order in (1, 2))
+        path, row["ompl s"] = ompl_path(cell, start, goal, 1 + number)
+        row["ompl"] = path is not None
+        runs = {"own": "auto"}
+        if path is not None:
+            row["toppra"] = retimed(path, speed, acceleration)
+            lines = [",".join(joints), *(",".join(map(repr, point)) for point in path.tolist())]
+            write_text(Path(temporary) / "path.csv", "\n".join(lines) + "\n")
+            runs["from ompl"] = "path.csv"
+        for word, given in runs.items():
+            found, row[f"{word} s"], row[f"{word} reason"] = solved(task, given, seconds, tries if word == "own" else 1)
+            row[word] = found is not None
+            if found is not None and found.trajectory is not None:
+                curve = found.trajectory.curve
+                row[f"{word} time"] = float(curve.duration)
+                row[f"{word} least"] = float(cell.clearance(curve(np.linspace(0.0, curve.duration, SAMPLES))).min())
+    return row
+
+
+def report(rows: Sequence[dict[str, Any]]) -> bool:
+    """Prints the table and the sums; whether no proof is contradicted."""
+    table = pd.DataFrame(rows)
+    shown = [c for c in ("robot", "scene", "number", "own", "own s", "own time", "own least", "ompl", "ompl s", "toppra", "from ompl", "from ompl s", "from ompl time", "from ompl least") if c in table]
+    print(table[shown].round(4).to_string(index=False))
+    for robot, own in table.groupby("robot"):
+        ompl = own[own["ompl"] == True] if "ompl" in own else own[:0]  # noqa: E712
+        print(
+            f"{robot}: {len(own)} problems; from own starts {int(own['own'].eq(True).sum())} solved and proved, seconds median "
+            f"{own.loc[own['own'].eq(True), 'own s'].median():.1f}; OMPL solves {len(ompl)}, of which from its path "
+            f"{int(ompl['from ompl'].eq(True).sum())}; duration over TOPP-RA's of OMPL's path: median "
+            f"{(own['own time'] / own['toppra']).median():.3f} from own starts, "
+            f"{(own['from ompl time'] / own['toppra']).median():.3f} from OMPL's"
+        )
+    for row in rows:
+        for word in ("own", "from ompl"):
+            if row.get(f"{word} reason"):
+                print(f"{row['robot']} {row['scene']} {row['number']}, {word}: {row[f'{word} reason']}")
+        if row.get("refused"):
+            print(f"{row['robot']} {row['scene']} {row['number']}: refused: {row['refused']}")
+    least = [row[key] for row in rows for key in ("own least", "from ompl least") if key in row]
+    wrong = sum(value < 0.0 for value in least)
+    print(f"{len(least)} proofs, {wrong} contradicted by {SAMPLES} samples a motion; the least clearance of all is {min(least, default=np.nan):.3g} m")
+    return wrong == 0
+
+
+def main() -> None:
+    """Runs what is not in the output yet, and prints all."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--every", type=int, default=1, help="of how many problems one is taken")
+    parser.add_argument("--offset", type=int, default=0, help="the first that is taken")
+    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--tries", type=int, default=8, help="seeds of own starts")
+    parser.add_argument("--output", type=Path, default=Path("scenes.jsonl"))
+    asked = parser.parse_args()
+    toppra.setup_logging("ERROR")
+    done = [json.loads(line) for line in asked.output.read_text().splitlines()] if asked.output.exists() else []
+    known = {(row["robot"], row["scene"], row["number"]) for row in done}
+    wanted = found_in(asked.folder)
+    if not wanted:
+        raise SystemExit(f"{asked.folder} holds no ur5/*/scene*.yaml and no panda/*/scene*.yaml; left out")
+    for place in wanted[asked.offset :: asked.every]:
+        if place not in known:
+            row = measured(asked.folder, *place, asked.seconds, asked.tries)
+            done.append(row)
+            with asked.output.open("a") as file:
+                file.write(json.dumps(row) + "\n")
+            print({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()}, flush=True)
+    raise SystemExit(not report(done))
+
+
+if __name__ == "__main__":
+    main()
