@@ -18,6 +18,7 @@ import numpy as np
 from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.formulation import case
+from ocp_traj.formulation.chosen import rows_proved_as
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint
 from ocp_traj.formulation.rows import Row
@@ -225,7 +226,7 @@ def _unproved(problem: Problem, solution: Solution) -> list[Instant]:
     for row in (row for row in solution.audit.failures if row.limit in limits):
         k = int(np.clip(np.searchsorted(knots, row.instant, side="right") - 1, 0, len(knots) - 2))
         u = float(np.clip((row.instant - knots[k]) / (knots[k + 1] - knots[k]), 0.0, 1.0))
-        rows = (limits[row.limit].labels.index(row.label),)
+        rows = rows_proved_as(limits[row.limit], row.label)
         found.append(Instant(row.limit, k, u, rows, sweep=row.sweep or 0.0))
     return found
 

@@ -70,7 +70,7 @@ class PymooProblem(pymoo.core.problem.Problem):  # type: ignore[misc]  # pymoo i
         bounds = problem.reference_point if len(chosen) > 1 else {}
         self.worst = np.array([self.signs[i] * bounds.get(o.id, np.inf) for i, o in enumerate(chosen)])
         self.seconds, self.calls, self.individuals = 0.0, 0, 0
-        rows = sum(len(limit.labels) for limit in problem.requirements.path_constraints)
+        rows = sum(len(limit.labels) for limit in problem.path_limits)
         self.problem_size = problem.size
         super().__init__(
             n_var=problem.size,

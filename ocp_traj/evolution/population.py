@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from ocp_traj.arrays import Array, Index
 from ocp_traj.curves.bernstein import basis, difference_matrix
 from ocp_traj.errors import InputError
+from ocp_traj.formulation.chosen import ChosenLimit
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS, SWEEP, PathConstraint
 from ocp_traj.interval.tape import Tape
@@ -118,6 +119,8 @@ class Population:
             (limit, grids[requirements.continuous(limit)] if limit.segments is None else partial[limit.segments])
             for limit in requirements.path_constraints
         ]
+        # A chosen limit is told its postures, which the first derivatives of any grid's states are.
+        self._chosen = [(limit, grids[True]) for limit in problem.chosen_limits]
         self._integrals: dict[str, tuple[_Nodes, Array, Tape]] = {}
         self._direct: dict[str, Tape] = {}
         for objective in self._plain.values():
@@ -142,8 +145,11 @@ class Population:
             for p, (rows, cols) in zip(flat, self._shapes, strict=True)
         ]
         wanted = self._limits if limits else []
-        states = {nodes: nodes.states(points, durations) for nodes in {nodes for _, nodes in wanted}}
+        chosen = self._chosen if limits else []
+        grids = {nodes for _, nodes in (*wanted, *chosen)}
+        states = {nodes: nodes.states(points, durations) for nodes in grids}
         violations = [self._violation(limit, nodes, states[nodes], parameters) for limit, nodes in wanted]
+        violations += [_chosen_violation(limit, nodes, states[nodes], parameters) for limit, nodes in chosen]
         values: dict[str, Array] = {}
         for name, objective in self._plain.items():
             if objective.terms is not None:
@@ -176,6 +182,14 @@ class Population:
         if self.refine:
             high, low = np.maximum(high, _between(values, nodes)), np.minimum(low, -_between(-values, nodes))
         return np.asarray(np.maximum(high - limit.upper[:, None], limit.lower[:, None] - low) / scale)
+
+
+def _chosen_violation(limit: ChosenLimit, nodes: _Nodes, states: Array, parameters: Array) -> Array:
+    """Largest excess of each row over the nodes ``(rows, N)``, by its size; -1 where it is farther than that."""
+    flat, _, _, p = nodes.together(states, parameters)
+    above = limit.above(flat[: states.shape[1]].T, p.T, limit.size)
+    found = above.reshape(len(nodes.nodes), states.shape[3], -1).min(axis=0).T
+    return np.asarray(np.maximum(-found / limit.size, -1.0))
 
 
 def _between(values: Array, nodes: _Nodes) -> Array:

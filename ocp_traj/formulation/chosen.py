@@ -28,6 +28,7 @@ class ChosenLimit(PathConstraint):
     Attributes:
         expressions: one a row, of the state with ``c`` its constants; rows that share one share what is compiled.
         choose: (postures ``(N, dof)``, rows ``(N,)``) -> constants ``(N, n_c)`` of one row at each posture.
+        value: (postures ``(N, dof)``, rows ``(N,)``, parameters ``(N, n_p)``) -> values ``(N,)``.
         at_least: (postures ``(N, dof)``, parameters ``(N, n_p)``) -> numbers ``(N, rows)`` that the values are not
             below, quickly.
         number: n_c.
@@ -38,6 +39,7 @@ class ChosenLimit(PathConstraint):
 
     expressions: tuple[Expression, ...] = ()
     choose: Callable[[Array, Index], Array] | None = None
+    value: Callable[[Array, Index, Array], Array] | None = None
     at_least: Callable[[Array, Array], Array] | None = None
     number: int = 0
     size: float = 1.0
@@ -47,10 +49,10 @@ class ChosenLimit(PathConstraint):
     def __post_init__(self) -> None:
         """Checks that each row has an expression, and a lower bound alone."""
         super().__post_init__()
-        if len(self.expressions) != len(self.labels) or self.choose is None or self.at_least is None:
+        if len(self.expressions) != len(self.labels) or None in (self.choose, self.value, self.at_least):
             raise ProblemDefinitionError(
-                f"limit {self.id!r}: {len(self.expressions)} expressions for {len(self.labels)} labels; give one a row, "
-                "and how their constants are chosen"
+                f"limit {self.id!r}: {len(self.expressions)} expressions for {len(self.labels)} labels; give one a "
+                "row, and how their constants are chosen"
             )
         if np.isfinite(self.upper).any() or not np.isfinite(self.lower).all():
             raise ProblemDefinitionError(f"limit {self.id!r}: chosen limits are bounded below; leave upper infinite")
@@ -65,7 +67,22 @@ class ChosenLimit(PathConstraint):
         assert self.choose is not None
         return self.choose(q, rows)
 
-    def least_at(self, q: Array, p: Array) -> Array:
-        """What the rows' values ``(N, rows)`` are at least at postures ``(N, dof)`` and parameters ``(N, n_p)``."""
-        assert self.at_least is not None
-        return self.at_least(q, p)
+    def above(self, q: Array, p: Array, within: float) -> Array:
+        """How far the rows' values are above their bounds ``(N, rows)``; infinite where that is certainly farther.
+
+        Args:
+            q: postures ``(N, dof)``.
+            p: parameters ``(N, n_p)``.
+            within: how far values are looked at, in the rows' unit.
+        """
+        assert self.at_least is not None and self.value is not None
+        at, rows = np.nonzero(self.at_least(q, p) - self.lower < within)
+        found = np.full((len(q), len(self.labels)), np.inf)
+        found[at, rows] = self.value(q[at], rows, p[at]) - self.lower[rows]
+        return found
+
+
+def rows_proved_as(limit: PathConstraint, label: str) -> tuple[int, ...]:
+    """The rows of a limit that a row of an audit is about."""
+    labels = limit.proved_as if isinstance(limit, ChosenLimit) else limit.labels
+    return tuple(i for i, own in enumerate(labels) if own == label)

@@ -7,11 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
-from ocp_traj.arrays import Index
+from ocp_traj.arrays import Array, Index
 from ocp_traj.curves.motion import Motion
 from ocp_traj.errors import ProblemDefinitionError, quoted
 from ocp_traj.robot.bodies import Body, unique_names
 from ocp_traj.robot.robot import Robot
+
+SIZE = 0.1  # [m] by which distances are divided where limits are compared: our choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +81,11 @@ class ClearanceConstraint:
         """The row of each pair ``(pairs,)``."""
         rows = {label: row for row, label in enumerate(self.labels)}
         return np.array([rows[label] for label in self._links], dtype=np.intp)
+
+    @property
+    def scale(self) -> Array:
+        """Size of each row ``(rows,)`` [m]."""
+        return np.full(len(self.labels), SIZE)
 
     @property
     def units(self) -> tuple[str, ...]:

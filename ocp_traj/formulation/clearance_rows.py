@@ -8,11 +8,9 @@ import numpy as np
 
 from ocp_traj.arrays import Array, Index
 from ocp_traj.formulation.chosen import ChosenLimit
-from ocp_traj.formulation.clearance import ClearanceConstraint
+from ocp_traj.formulation.clearance import SIZE, ClearanceConstraint
 from ocp_traj.formulation.requirements import Expression, State
 from ocp_traj.robot.pair_distances import CONSTANTS, PairDistances
-
-SIZE = 0.1  # [m] by which rows are divided, and within which pairs are looked at: our choice
 
 
 def clearance_rows(constraint: ClearanceConstraint, parameters: tuple[str, ...]) -> ChosenLimit:
@@ -22,7 +20,8 @@ def clearance_rows(constraint: ClearanceConstraint, parameters: tuple[str, ...])
         constraint: which bodies keep how far apart.
         parameters: of the trajectory; one of them may take the place of the clearance.
     """
-    distances = PairDistances(constraint.robot, [(constraint.bodies[i], constraint.bodies[j]) for i, j in constraint.pairs])
+    bodies = constraint.bodies
+    distances = PairDistances(constraint.robot, [(bodies[i], bodies[j]) for i, j in constraint.pairs])
     asked = parameters.index(constraint.parameter) if constraint.parameter else None
     made: dict[Any, Expression] = {}
     for distance in distances.expressions:
@@ -33,14 +32,18 @@ def clearance_rows(constraint: ClearanceConstraint, parameters: tuple[str, ...])
         bound = distances.at_least(q)
         return bound if asked is None else bound - p[:, asked, None]
 
+    def value(q: Array, rows: Index, p: Array) -> Array:
+        found = distances.distances(q, rows)
+        return found if asked is None else found - p[:, asked]
+
     count = len(constraint.pairs)
-    names = tuple(f"{constraint.bodies[i].name} - {constraint.bodies[j].name}" for i, j in constraint.pairs)
-    rows: Index = constraint.row_of
+    names = tuple(f"{bodies[i].name} - {bodies[j].name}" for i, j in constraint.pairs)
+    proved_as = tuple(constraint.labels[row] for row in constraint.row_of.tolist())
     return ChosenLimit(
         constraint.id, made[distances.expressions[0]], np.full(count, constraint.clearance if asked is None else 0.0),
         np.full(count, np.inf), ("m",) * count, names, constraint.eq,
         expressions=tuple(made[distance] for distance in distances.expressions), choose=distances.constants,
-        at_least=at_least, number=CONSTANTS, size=SIZE, proved_as=tuple(constraint.labels[row] for row in rows.tolist()),
+        value=value, at_least=at_least, number=CONSTANTS, size=SIZE, proved_as=proved_as,
     )  # fmt: skip
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -32,7 +31,8 @@ def resolved_collision(
         robot: that moves.
         urdf: the robot's own description; None where it has none.
         folder: from which its path counts.
-        angle, length: of a unit of the task, in rad and m.
+        angle: a unit of the task's [rad].
+        length: a unit of the task's [m].
     """
     if table.bodies is not None:
         return table
@@ -45,10 +45,14 @@ def resolved_collision(
     names = [body.name for body in bodies]
     for body in bodies:
         if names.count(body.name) > 1:
-            raise InputError(f"{name}: [collision] has {names.count(body.name)} bodies {quoted(body.name)}; give each a name")
+            raise InputError(
+                f"{name}: [collision] has {names.count(body.name)} bodies {quoted(body.name)}; give each a name"
+            )
     pairs = obstacle_pairs(bodies, range(len(own), len(bodies)))
     if around and not pairs:
-        raise InputError(f"{name}: [collision] has obstacles, and no body of the robot that moves; give [[collision.link]]")
+        raise InputError(
+            f"{name}: [collision] has obstacles, and no body of the robot that moves; give [[collision.link]]"
+        )
     disabled = frozenset() if table.srdf is None else _disabled(folder / table.srdf, name, robot)
     kept = self_pairs(robot, bodies, range(len(own)), disabled) if table.own else None
     own_pairs = () if kept is None else kept.pairs
@@ -70,14 +74,20 @@ def _links(table: CollisionTable, name: str, robot: Robot, urdf: Path | None) ->
     links = table.links or ("given" if urdf is None or table.link else "urdf")
     if links == "given":
         if not table.link:
-            raise InputError(f"{name}: [collision] has no bodies of the robot, and a robot by rows or numbers has none of "
-                             "its own; give [[collision.link]]")
+            raise InputError(
+                f"{name}: [collision] has no bodies of the robot, and a robot by rows or numbers has none of "
+                "its own; give [[collision.link]]"
+            )
         return []
     if urdf is None:
-        raise InputError(f'{name}: [collision] links = "urdf" needs a robot by description or urdf; give [[collision.link]]')
+        raise InputError(
+            f'{name}: [collision] links = "urdf" needs a robot by description or urdf; give [[collision.link]]'
+        )
     found = urdf_bodies(robot.model, urdf)
     if not found:
-        raise InputError(f'{name}: [collision] links = "urdf", and the URDF has no collision geometry; give [[collision.link]]')
+        raise InputError(
+            f'{name}: [collision] links = "urdf", and the URDF has no collision geometry; give [[collision.link]]'
+        )
     return list(found)
 
 
@@ -101,7 +111,8 @@ def _frame(link: LinkTable, where: str, robot: Robot) -> tuple[int, pin.SE3]:
     if link.frame not in frames:
         known = [TOOL, *frames]
         raise InputError(
-            f"{where}: there is no frame {quoted(link.frame)}{nearest(link.frame, known)}; give one of {', '.join(known)}"
+            f"{where}: there is no frame {quoted(link.frame)}{nearest(link.frame, known)}; give one of "
+            f"{', '.join(known)}"
         )
     frame = frames[link.frame]
     return int(frame.parentJoint), frame.placement
@@ -166,5 +177,3 @@ def pairs_of(names: Sequence[Sequence[str]], bodies: Sequence[Body]) -> tuple[tu
         if len(pair) != 2 or any(name not in index for name in pair):
             raise InputError(f"[collision] has the pair {quoted(list(pair))}, which is not of two of its bodies")
     return tuple((index[a], index[b]) for a, b in names)
-
-

@@ -134,7 +134,9 @@ class CollisionTable(Table):
     self_clearance: Mass = Field(0.0, description="a distance between the robot's own bodies [length], 0 or more")
     srdf: str | None = Field(None, description="the path of an SRDF file, whose pairs need not keep apart")
     bodies: list[dict[str, Any]] | None = Field(None, description="bodies in numbers, as a resolved task has them")
-    pairs: list[list[str]] | None = Field(None, description="names of bodies and obstacles, as a resolved task has them")
+    pairs: list[list[str]] | None = Field(
+        None, description="names of bodies and obstacles, as a resolved task has them"
+    )
     own_pairs: list[list[str]] = Field([], description="names of bodies of the robot, as a resolved task has them")
     touching: list[list[str]] = Field([], description="names of links that overlap at most postures, left out")
 

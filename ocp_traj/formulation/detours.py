@@ -96,7 +96,9 @@ def _slowness(curve: PiecewiseBezier, limits: JointLimits) -> float:
     for order in (1, 2):
         pair = limits.bounds(order)
         if pair is not None:
-            peak = np.max([np.abs(curve.at(k, np.array([0.0, 0.5, 1.0]), order)) for k in range(curve.segments)], axis=(0, 1))
+            peak = np.max(
+                [np.abs(curve.at(k, np.array([0.0, 0.5, 1.0]), order)) for k in range(curve.segments)], axis=(0, 1)
+            )
             share = peak / np.minimum(-pair[0], pair[1])
             slowest = max(slowest, float(share.max()) ** (1.0 / order))
     return slowest

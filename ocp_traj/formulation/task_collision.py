@@ -1,4 +1,4 @@
-"""What ``[collision]`` of a task adds to its problem: limits, rows of the NLP, the clearance as objective, clear starts."""
+"""What ``[collision]`` of a task adds to its problem: limits, the clearance as an objective, starts that are clear."""
 
 from __future__ import annotations
 
@@ -51,8 +51,9 @@ class Clear:
         bodies = bodies_of(table, robot)
         found = []
         for id, names, distance, parameter in (
-            (OBSTACLES, table.pairs or (), table.clearance, CLEARANCE), (OWN, table.own_pairs, table.self_clearance, ""),
-        ):  # fmt: skip
+            (OBSTACLES, table.pairs or (), table.clearance, CLEARANCE),
+            (OWN, table.own_pairs, table.self_clearance, ""),
+        ):
             if names:
                 pairs = pairs_of(names, bodies)
                 used = sorted({i for pair in pairs for i in pair})
@@ -90,8 +91,8 @@ class Clear:
                 links, least = f"{constraint.bodies[i].link} and {constraint.bodies[j].link}", float(found.min())
                 if least < 0.0:
                     raise InputError(
-                        f"{self.name}: at {words} {links} overlap by {-1e3 * least:.3g} mm; no motion could be clear of "
-                        "that: move one of them"
+                        f"{self.name}: at {words} {links} overlap by {-1e3 * least:.3g} mm; no motion could be "
+                        "clear of that: move one of them"
                     )
                 if least < constraint.clearance:
                     key = "clearance" if constraint.id == OBSTACLES else "self_clearance"
@@ -136,7 +137,9 @@ def with_clearance(
         made: its curve.
         points: that every motion passes, in words and ``(dof,)``.
     """
-    guess = around(made, problem.robot.limits, clear.room) if made.refine is None and len(made.legs[0]) > 1 else made.guess
+    guess = (
+        around(made, problem.robot.limits, clear.room) if made.refine is None and len(made.legs[0]) > 1 else made.guess
+    )
     requirements = problem.requirements
     if not clear.keeps_off_obstacles:
         requirements = replace(requirements, clearance_constraints=clear.constraints)
@@ -145,9 +148,7 @@ def with_clearance(
     n, dilate, parameters = problem.size, problem.dilate, problem.parameters
     (asked,) = (c.clearance for c in clear.constraints if c.id == OBSTACLES)
     most = max(clear.most([q for _, q in points]), asked + ROOM)
-    margin = Variable(
-        "margin", np.array([asked]), np.array([most]), "m", ("least clearance",), slack_of=CLEARANCE
-    )
+    margin = Variable("margin", np.array([asked]), np.array([most]), "m", ("least clearance",), slack_of=CLEARANCE)
     requirements = replace(
         requirements, parameters=(*requirements.parameters, CLEARANCE), clearance_constraints=clear.constraints
     )

@@ -7,9 +7,13 @@ twice where they differ. With rho_k a bound of the distance of x from the axis o
     sum_k rho_k V_k,        sum_k rho_k (A_k + V_k (V_k + 2 sum_{j before k} V_j)),
 
 V and A being bounds of |v| and |a| by hulls of control points. Along a prismatic axis rho_k is 1 and V_j of a prismatic
-joint turns nothing. rho_k is the largest of the body's distances at both ends of the arc and of how far it gets from
-there in half the arc's time, moved by the joints beyond k. Sums of products of numbers that are not negative round by
+joint turns nothing. rho_k is the largest of the body's distances at both ends of the arc and how far it gets from there
+in half the arc's time, moved by the joints beyond k. Sums of products of numbers that are not negative round by
 less than ``MORE`` of their size.
+
+A cylinder of radius R is the same turned about its own axis d. Its points are c + z d + R u with u not turning about d:
+u' = (d x d') x u, so that |u'| <= |d'| and |u''| <= |d''| + |d'|^2, and the derivatives of d are bounded as those of a
+point, by sigma_k = |e_k x d| in place of rho_k.
 """
 
 from __future__ import annotations
@@ -21,6 +25,7 @@ import numpy as np
 
 from ocp_traj.arrays import Array, Index
 from ocp_traj.proof.separation import BodyTable, Frames
+from ocp_traj.robot.body_distances import CYLINDERS
 from ocp_traj.robot.dynamics import joint_is_revolute
 from ocp_traj.robot.robot import Robot
 
@@ -122,13 +127,19 @@ def _bounds_on(
     joints: Joints, table: BodyTable, arcs: ArcMotion, joint: int, arc: Index, body: Index, depth: Index
 ) -> tuple[Array, Array]:
     """The same for bodies on one joint, seen from the one at a depth below it."""
-    ends = [(frames, *table.cores(frames, arc, body)) for frames in (arcs.start, arcs.end)]
+    ends = []  # a point's distance from an axis is convex: of those of a segment one of its ends is the farthest
+    for frames in (arcs.start, arcs.end):
+        cores, off = table.cores(frames, arc, body)
+        run = cores.axes[:, :, 2] * cores.half[:, 2:]
+        ends += [(frames, cores.centre + run, off), (frames, cores.centre - run, off)]
     half_time = 0.5 * arcs.width[arc]
     speed, acceleration = np.zeros((2, len(arc)))
     chain = [joint]
     while joints.parent[chain[-1]] >= 0:
         chain.append(joints.parent[chain[-1]])
     chain = chain[:-1]  # without the world
+    round_ = table.group[body] == CYLINDERS
+    rim, tilting = np.where(round_, table.half[body, 0], 0.0), np.zeros(len(arc))
     turning, before = np.zeros(len(arc)), {}  # sum of the speeds of revolute joints between the base and each
     for k in reversed(chain):
         before[k] = turning
@@ -139,21 +150,40 @@ def _bounds_on(
         counts = joints.depth[k] > depth
         v, a = arcs.speed[joints.column[k], arc], arcs.acceleration[joints.column[k], arc]
         if joints.revolute[k]:
-            lever = np.maximum(*(_distance(joints, frames, k, arc, cores.centre, off) for frames, cores, off in ends))
-            lever = (lever + table.reach[body] + speed * half_time) * MORE
+            lever = np.maximum.reduce([_distance(joints, frames, k, arc, x, off) for frames, x, off in ends])
+            lever = lever + speed * half_time + np.where(round_, 0.0, table.reach[body])
+            if round_.any():
+                tilt = np.maximum(*(_tilt(joints, frames, k, arc, body, table) for frames in (arcs.start, arcs.end)))
+                tilt = np.minimum(tilt + tilting * half_time, 1.0)
+                lever = lever + rim * tilt
+                tilting = np.where(counts, tilting + v * tilt, tilting)
+            lever = lever * MORE
         else:
             lever = np.ones(len(arc))
         own = v if joints.revolute[k] else 0.0
         speed = np.where(counts, speed + lever * v, speed)
         acceleration = np.where(counts, acceleration + lever * (a + v * (own + 2.0 * before[k])), acceleration)
-    return speed * MORE, acceleration * MORE
+    return speed * MORE, (acceleration + rim * tilting**2) * MORE
+
+
+def _tilt(joints: Joints, frames: Frames, k: int, arc: Index, body: Index, table: BodyTable) -> Array:
+    """Sine of the angle of bodies' third axes to the axis of a joint, at most."""
+    axis = frames.rotation[arc, k] @ joints.axis[k]
+    joint = table.joint[body]
+    own = np.einsum("nij,nj->ni", frames.rotation[arc, joint], table.axes[body, :, 2])
+    off = 4.0 * (frames.turn[arc, k] + frames.turn[arc, joint]) + 1e-14
+    return np.linalg.norm(_cross(axis, own), axis=1) + off
 
 
 def _distance(joints: Joints, frames: Frames, k: int, arc: Index, centre: Array, off: Array) -> Array:
     """Of points ``(M, 3)`` from the axis of a joint, at most."""
     axis = frames.rotation[arc, k] @ joints.axis[k]
     arm = centre - frames.position[arc, k]
-    turned = np.cross(axis, arm)
-    size = np.sqrt(np.einsum("ni,ni->n", turned, turned))
+    size = np.linalg.norm(_cross(axis, arm), axis=1)
     reach = np.abs(arm).sum(axis=1)
     return np.asarray(size * MORE + off + 2.0 * frames.shift[arc, k] + (8.0 * frames.turn[arc, k] + 1e-14) * reach)
+
+
+def _cross(x: Array, y: Array) -> Array:
+    """Products of vectors ``(M, 3)``; NumPy's own takes several times as long."""
+    return np.stack([x[:, i] * y[:, j] - x[:, j] * y[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)

@@ -71,7 +71,7 @@ class BodyTable:
         group: see ``ocp_traj.robot.body_distances``.
         centre, axes, half, radius: as a body has them; half lengths of a half-space are zero.
         size: sum of sizes of centre and half lengths [m].
-        reach: length of the half diagonal of the core [m], rounded up.
+        reach: of a core from the part of its third axis inside it [m], rounded up.
     """
 
     joint: Index
@@ -92,7 +92,7 @@ class BodyTable:
             np.array([joints.index(body.joint) for body in bodies], dtype=np.intp),
             np.array([group_of(body) for body in bodies], dtype=np.intp),
             centre, np.array([body.axes for body in bodies]), half, np.array([body.radius for body in bodies]),
-            np.abs(centre).sum(axis=1) + half.sum(axis=1), np.linalg.norm(half, axis=1) * (1.0 + 1e-15),
+            np.abs(centre).sum(axis=1) + half.sum(axis=1), np.hypot(half[:, 0], half[:, 1]) * (1.0 + 1e-15),
         )  # fmt: skip
 
     def cores(self, frames: Frames, instant: Index, body: Index) -> tuple[Cores, Array]:

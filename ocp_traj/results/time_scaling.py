@@ -70,7 +70,7 @@ def excess_over(requirements: Requirements, checked: Audit) -> float:
     """``largest_excess``, of limits that no problem stands for."""
     scale = {
         (limit.id, label): float(size)
-        for limit in requirements.path_constraints
+        for limit in (*requirements.path_constraints, *requirements.clearance_constraints)
         for label, size in zip(limit.labels, limit.scale, strict=True)
     }
     rows = [row for row in checked.failures if (row.limit, row.label) in scale]

@@ -1,72 +1,93 @@
-"""Capsules that enclose a mesh, cut by planes into parts with a capsule each while that makes them smaller.
+"""Capsules that enclose a mesh, cut by parallel planes into slabs with a capsule each while that makes them smaller.
 
-A part is cut with its triangles, so that the capsules enclose the surface and, as each holds the convex hull of its
-part, the solid inside it as well. How far a capsule stands off is the one-sided Hausdorff distance from it to the
-convex hull H of its part, the largest ``h_capsule(n) - h_H(n)`` of the support functions over all directions n. A flat
-end stands off by much: one of radius R in a capsule of radius r by ``r - sqrt(r^2 - R^2)`` at least, whatever its axis;
-so cuts end where they no longer pay.
+A slab is cut with its triangles, so that the capsules enclose the surface and, as each holds the convex hull of its
+slab, the solid inside it as well. How far a capsule stands off is the one-sided Hausdorff distance from it to the
+convex hull H of its slab, the largest ``h_capsule(n) - h_H(n)`` of the support functions over all directions n.
+
+Flat ends keep capsules off: one that holds a disc of radius R, whatever its own radius r > R, stands off it by
+``r - sqrt(r^2 - R^2)``, and one that holds a right-angled edge by 0.29 r. Housings of a robot's joints are such discs,
+of 60 mm: within 5 mm of them there would have to be more than 60 capsules each, as cuts by planes go. So the number of
+slabs is that which leaves the least volume, with a price on each. Where cylinders are allowed a slab is in the smaller
+of a capsule and a cylinder, which fits such housings closely.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ocp_traj.arrays import Array
+from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
 
 STANDOFF = 0.005  # [m] capsules that stand off no more are not cut further
-MOST = 6  # capsules a mesh, at most: our choice
-GAIN = 0.95  # of the volume at most is left by each capsule more: our choice
+MOST = 8  # capsules a mesh, at most: our choice
+GAIN = 0.95  # share of the volume that each capsule more has to leave, at most: our choice
 ROUNDING = 1e-9  # [m] by which radii are larger than needed: far above what cutting and fitting round
-CUTS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of a part's extent, where cuts are tried
 WIDER = (1.0, 1.03, 1.08, 1.15, 1.3)  # radii tried, over the least: a wider capsule is shorter
 TURNS = 40  # steps towards the centre of the least circle
 
 
 @dataclass(frozen=True, eq=False)
 class FittedCapsule:
-    """A capsule from ``start (3,)`` to ``end (3,)`` around a part of a mesh [m].
+    """A capsule, or a cylinder, from ``start (3,)`` to ``end (3,)`` around a slab of a mesh [m].
 
     Attributes:
-        standoff: how far it reaches beyond the hull of its part, at most; see the module.
         volume: [m^3].
+        flat: whether it is a cylinder.
+        points: what it is around ``(n, 3)`` [m].
     """
 
     start: Array
     end: Array
     radius: float
-    standoff: float
     volume: float
+    flat: bool
+    points: Array
+
+    @cached_property
+    def standoff(self) -> float:
+        """How far it reaches beyond the hull of its slab, over a net of 400 directions some 0.1 rad apart [m]."""
+        middle = 0.5 * (self.start + self.end)
+        ahead, behind = _NET @ (self.start - middle), _NET @ (self.end - middle)
+        reach, size = np.maximum(ahead, behind), float(np.linalg.norm(self.end - self.start))
+        if self.flat:
+            along = _NET @ (self.end - self.start) / size
+            reach = reach + self.radius * np.sqrt(np.maximum(1.0 - along**2, 0.0))
+        else:
+            reach = reach + self.radius
+        return float((reach - (_NET @ (self.points - middle).T).max(axis=1)).max())
 
 
+@one_blas_thread
 def fit_capsules(
-    triangles: Array, standoff: float = STANDOFF, most: int = MOST
+    triangles: Array, standoff: float = STANDOFF, most: int = MOST, cylinders: bool = False
 ) -> tuple[list[FittedCapsule], list[Array]]:
-    """Capsules, each with the triangles ``(N, 3, 3)`` of the part that it encloses; the largest part is first.
+    """Capsules, each with the triangles ``(M, 3, 3)`` of the slab that it encloses; see the module.
 
     Args:
         triangles: of the mesh ``(N, 3, 3)`` [m].
-        standoff: a part whose capsule stands off no more is not cut [m].
+        standoff: fewest capsules that stand off no more are taken, where there are some [m].
         most: capsules.
+        cylinders: whether they may be cylinders.
     """
     corners = np.asarray(triangles, dtype=float)
     if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not len(corners) or not np.isfinite(corners).all():
         raise InputError(f"a mesh has triangles of shape {corners.shape}; give (N, 3, 3) finite numbers, N >= 1")
-    parts = [(_smallest(_points(corners)), corners)]
-    stages = [list(parts)]
-    while len(parts) < most:
-        coarse = [part for part in parts if part[0].standoff > standoff]
-        halves = _best_cut(max(coarse, key=lambda part: part[0].volume)[1]) if coarse else []
-        if not halves:
-            break
-        largest = max(coarse, key=lambda part: part[0].volume)
-        parts = [part for part in parts if part is not largest] + halves
-        stages.append(parts)
-    chosen = min(stages, key=lambda stage: sum(capsule.volume for capsule, _ in stage) / GAIN ** len(stage))
-    chosen = sorted(chosen, key=lambda part: -part[0].volume)
-    return [capsule for capsule, _ in chosen], [part for _, part in chosen]
+    if most < 1 or not standoff >= 0.0:
+        raise InputError(f"capsules are to stand off {standoff} m, {most} at most; give zero or more, and one or more")
+    tried = [[corners]]
+    if _fit(tried[0], cylinders)[0].standoff > standoff:
+        tried += [_slabs(corners, axis, count) for axis in _principal(_points(corners)) for count in range(2, most + 1)]
+    fits = [_fit(slabs, cylinders) for slabs in tried]
+    near = [k for k, fit in enumerate(fits) if all(capsule.standoff <= standoff for capsule in fit)]
+    if near:
+        best = min(near, key=lambda k: len(fits[k]))
+    else:
+        best = min(range(len(fits)), key=lambda k: sum(c.volume for c in fits[k]) / GAIN ** len(fits[k]))
+    return fits[best], tried[best]
 
 
 def clipped(triangles: Array, normal: Array, offset: float) -> Array:
@@ -84,17 +105,6 @@ def clipped(triangles: Array, normal: Array, offset: float) -> Array:
         ab, ac = (a + (end - a) * (h[:, 0] / (h[:, 0] - h[:, k]))[:, None] for k, end in ((1, b), (2, c)))
         pieces += [np.stack([a, ab, ac], 1)] if alone else [np.stack([ab, b, c], 1), np.stack([ab, c, ac], 1)]
     return np.concatenate(pieces)
-
-
-def standoff_of(start: Array, end: Array, radius: float, points: Array) -> float:
-    """Upper bound of the largest h_capsule(n) - h_points(n) over all unit n, from a net of directions.
-
-    On the net's mesh width d the difference changes by at most d times the reach of both bodies from a point inside.
-    """
-    middle = 0.5 * (start + end)
-    excess = np.maximum(_NET @ (start - middle), _NET @ (end - middle)) + radius
-    excess -= (_NET @ (points - middle).T).max(axis=1)
-    return float(excess.max())
 
 
 def _net() -> Array:
@@ -117,8 +127,8 @@ def _principal(points: Array) -> Array:
     return np.asarray(np.linalg.eigh(centred.T @ centred)[1].T)
 
 
-def _smallest(points: Array) -> FittedCapsule:
-    """The capsule of least volume around points ``(n, 3)``, of some axes and radii."""
+def _smallest(points: Array, cylinders: bool = False) -> FittedCapsule:
+    """The capsule, or cylinder, of least volume around points ``(n, 3)``, of some axes and radii."""
     axes = np.concatenate([np.eye(3), _principal(points)])
     first = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
     first = first - (first * axes).sum(axis=1)[:, None] * axes
@@ -136,27 +146,39 @@ def _smallest(points: Array) -> FittedCapsule:
     high, low = np.maximum(high, 0.5 * (high + low)), np.minimum(low, 0.5 * (high + low))
     volume = np.pi * radius**2 * (high - low) + 4.0 / 3.0 * np.pi * radius**3
     k, w = np.unravel_index(int(np.argmin(volume)), volume.shape)
+    if cylinders:
+        span = height.max(axis=1) - height.min(axis=1)
+        flat_volume = np.pi * off2.max(axis=1) * span
+        best = int(np.argmin(flat_volume))
+        if flat_volume[best] < volume[k, w]:
+            return _cylinder(points, axes[best], centre[best] @ across[best])
     ends = [centre[k] @ across[k] + end * axes[k] for end in (low[k, w], high[k, w])]
     span = ends[1] - ends[0]
     length2 = float(span @ span)
     along = np.clip((points - ends[0]) @ span / length2, 0.0, 1.0) if length2 > 0.0 else np.zeros(len(points))
     least = float(np.linalg.norm(points - ends[0] - along[:, None] * span, axis=1).max()) + ROUNDING
-    return FittedCapsule(ends[0], ends[1], least, standoff_of(ends[0], ends[1], least, points), float(volume[k, w]))
+    return FittedCapsule(ends[0], ends[1], least, float(volume[k, w]), False, points)
 
 
-def _best_cut(triangles: Array) -> list[tuple[FittedCapsule, Array]]:
-    """Two parts whose capsules together are smallest; none where no plane tried has something on both sides."""
-    points, best, least = _points(triangles), [], np.inf
-    for axis in _principal(points):
-        height = points @ axis
-        low, high = float(height.min()), float(height.max())
-        for share in CUTS:
-            offset = low + share * (high - low)
-            parts = clipped(triangles, axis, offset), clipped(triangles, -axis, -offset)
-            if any(len(part) == 0 for part in parts):
-                continue
-            fitted = [_smallest(_points(part)) for part in parts]
-            volume = sum(capsule.volume for capsule in fitted)
-            if volume < least:
-                least, best = volume, list(zip(fitted, parts, strict=True))
-    return best
+def _cylinder(points: Array, axis: Array, foot: Array) -> FittedCapsule:
+    """The cylinder around points ``(n, 3)`` whose axis runs through a point, wider and longer than needed by rounding."""
+    height, across = points @ axis, points - foot - ((points - foot) @ axis)[:, None] * axis
+    radius = float(np.linalg.norm(across, axis=1).max()) + ROUNDING
+    low, high = float(height.min()) - ROUNDING, float(height.max()) + ROUNDING
+    base = foot - (foot @ axis) * axis
+    volume = float(np.pi * radius**2 * (high - low))
+    return FittedCapsule(base + low * axis, base + high * axis, radius, volume, True, points)
+
+
+def _fit(slabs: list[Array], cylinders: bool) -> list[FittedCapsule]:
+    return [_smallest(_points(slab), cylinders) for slab in slabs]
+
+
+def _slabs(triangles: Array, axis: Array, count: int) -> list[Array]:
+    """The triangles between planes across an axis, as far apart; slabs without any are left out."""
+    height = triangles @ axis
+    rest, slabs = triangles, []
+    for offset in np.linspace(float(height.min()), float(height.max()), count + 1)[1:-1].tolist():
+        slabs.append(clipped(rest, axis, offset))
+        rest = clipped(rest, -axis, -offset)
+    return [slab for slab in (*slabs, rest) if len(slab)]

@@ -65,7 +65,7 @@ class PairDistances:
         self._reach = [np.linalg.norm(half, axis=1) for half in self._half]  # of a ball about each core
 
     def placements(self, q: Array) -> tuple[Array, Array]:
-        """Rotations ``(N, joints, 3, 3)`` and places ``(N, joints, 3)`` of joints with bodies at postures ``(N, dof)``."""
+        """Rotations ``(N, joints, 3, 3)`` and places ``(N, joints, 3)`` of joints with bodies, at postures."""
         found = self._frames(q)[0].reshape(len(q), -1, 12).copy()
         return found[:, :, :9].reshape(len(q), -1, 3, 3), found[:, :, 9:]
 
@@ -141,7 +141,7 @@ class PairDistances:
 
     @cached_property
     def expressions(self) -> list[Callable[[Any, Any], Any]]:
-        """(q ``(dof,)``, c ``(CONSTANTS,)``) -> distance of each pair, symbolic; the same object for the same joints."""
+        """(q ``(dof,)``, c ``(CONSTANTS,)``) -> distance of each pair; the same object for the same joints."""
         made = {joints: self._expression(*joints) for joints in dict.fromkeys(map(tuple, self.joints.tolist()))}
         return [made[a, b] for a, b in self.joints.tolist()]
 

@@ -18,7 +18,9 @@ import numpy as np
 
 from ocp_traj.arrays import Array
 
-PARALLEL = 1e-6  # of the sine squared between two edges: below it they count as parallel, and one is a point; our choice
+PARALLEL = (
+    1e-6  # of the sine squared between two edges: below it they count as parallel, and one is a point; our choice
+)
 TOUCHING = 1e-9  # [m] between cores: below it their direction is no normal; our choice
 HALVINGS = 50  # of [0, 1], to the last digits
 

@@ -19,7 +19,7 @@ from ocp_traj.robot.urdf import urdf_root, urdf_text
 
 
 def urdf_bodies(
-    model: pin.Model, source: str | Path, *, standoff: float = STANDOFF, most: int = MOST
+    model: pin.Model, source: str | Path, *, standoff: float = STANDOFF, most: int = MOST, cylinders: bool = False
 ) -> tuple[Body, ...]:
     """Bodies of all links that have collision geometry, on the joints of a robot's model.
 
@@ -28,6 +28,7 @@ def urdf_bodies(
         source: the URDF, a path or the XML itself; meshes are found beside a path, as packages lie in a workspace.
         standoff: see ``fit_capsules`` [m].
         most: capsules a mesh.
+        cylinders: whether meshes may be in cylinders as well, which fit the housings of joints more closely.
 
     Returns:
         In the order of the file; a link's bodies are named ``LINK/0``, ``LINK/1``, ..
@@ -35,7 +36,7 @@ def urdf_bodies(
     bodies: list[Body] = []
     count: dict[str, int] = {}
     for link, shape, joint, placement in _geometry(model, source):
-        for body in _bodies_of(shape, link, joint, placement, standoff, most):
+        for body in _bodies_of(shape, link, joint, placement, standoff, most, cylinders):
             number = count.setdefault(link, 0)
             count[link] += 1
             bodies.append(_named(body, f"{link}/{number}", link))
@@ -74,7 +75,9 @@ def _geometry(model: pin.Model, source: str | Path) -> list[tuple[str, Any, int,
     return found
 
 
-def _bodies_of(shape: Any, link: str, joint: int, at: pin.SE3, standoff: float, most: int) -> list[Body]:
+def _bodies_of(
+    shape: Any, link: str, joint: int, at: pin.SE3, standoff: float, most: int, cylinders: bool
+) -> list[Body]:
     if isinstance(shape, coal.Sphere):
         return [sphere(link, joint, at.translation, shape.radius)]
     if isinstance(shape, coal.Box):
@@ -88,7 +91,8 @@ def _bodies_of(shape: Any, link: str, joint: int, at: pin.SE3, standoff: float, 
             "cylinders and capsules"
         )
     triangles = mesh_triangles(shape) @ at.rotation.T + at.translation
-    return [capsule(link, joint, c.start, c.end, c.radius) for c in fit_capsules(triangles, standoff, most)[0]]
+    found, _ = fit_capsules(triangles, standoff, most, cylinders)
+    return [(cylinder if c.flat else capsule)(link, joint, c.start, c.end, c.radius) for c in found]
 
 
 def _named(body: Body, name: str, link: str) -> Body:

@@ -8,10 +8,10 @@ import numpy as np
 from ocp_traj.arrays import Array, Index
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
+from ocp_traj.mapped import Mapped
 from ocp_traj.transcription.hessian_sum import HessianSum, gathered
 from ocp_traj.transcription.instant_values import InstantValues, InstantValuesAt
 from ocp_traj.transcription.instants import Instant
-from ocp_traj.mapped import Mapped
 from ocp_traj.transcription.shape import ShapeAt
 from ocp_traj.transcription.symbolic import quadrature
 

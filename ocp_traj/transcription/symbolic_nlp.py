@@ -10,6 +10,7 @@ import numpy as np
 
 from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import difference_matrix
+from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint
 from ocp_traj.formulation.scalarise import Scalarisation
@@ -18,7 +19,16 @@ from ocp_traj.transcription.symbolic import SymbolicCurve, degrees, objective_va
 
 
 def symbolic_nlp(problem: Problem, scalarisation: Scalarisation, instants: Sequence[Instant]) -> tuple[Any, Any, Any]:
-    """Variables ``(n,)``, f and rows g ``(m,)`` of ``transcribe``'s NLP, in its order, as MX expressions."""
+    """Variables ``(n,)``, f and rows g ``(m,)`` of ``transcribe``'s NLP, in its order, as MX expressions.
+
+    Raises:
+        ProblemDefinitionError: where a limit is chosen at the state, which no expression tells.
+    """
+    if any(instant.limit == limit.id for limit in problem.chosen_limits for instant in instants):
+        raise ProblemDefinitionError(
+            f"{problem.id}: limits on distances between bodies are no expressions; solve it by a method that takes "
+            "numbers, such as ipopt"
+        )
     x = casadi.MX.sym("x", problem.size)
     curve = SymbolicCurve.at(problem, x)
     g: list[Any] = []

@@ -80,9 +80,7 @@ class _Peaks:
             return [], 0.0
         return self._sharpened(segments, rows, u, sweep)
 
-    def _sharpened(
-        self, segments: Index, rows: Index, u: Array, sweep: Array | None
-    ) -> tuple[list[Instant], float]:
+    def _sharpened(self, segments: Index, rows: Index, u: Array, sweep: Array | None) -> tuple[list[Instant], float]:
         values = self._values(segments, u, sweep, rows)
         width = (
             np.array([1.0 / (SCAN - 1), SWEEP[1]])
@@ -211,7 +209,7 @@ class _ChosenPeaks(_Peaks):
 
     def _scanned(self) -> tuple[Index, Index, Array, Array | None]:
         u = np.linspace(0.0, 1.0, SCAN_CHOSEN)
-        excess = -near_values(self.problem, self.limit, self.shape, self.segments, u) / self.limit.size
+        excess = -near_values(self.limit, self.shape, self.segments, u) / self.limit.size
         k, row, i, _ = np.nonzero(_stands_out(excess[..., None]))
         segments, rows, place = self.segments[k], row.astype(np.intp), u[i]
         for some in _alike(self.limit, rows):
@@ -219,27 +217,23 @@ class _ChosenPeaks(_Peaks):
         return segments, rows, place, None
 
 
-def near_values(problem: Problem, limit: ChosenLimit, shape: ShapeAt, segments: Index, u: Array) -> Array:
+def near_values(limit: ChosenLimit, shape: ShapeAt, segments: Index, u: Array) -> Array:
     """How far a chosen limit's rows are above their bounds ``(K, rows, instants)``, infinite where that is far.
 
     Args:
-        problem: whose.
-        limit: of its chosen limits.
+        limit: whose.
         shape: its curve at one x.
         segments: of the curve ``(K,)``.
         u: local times of the instants, on each of them.
     """
-    each, places = np.repeat(segments, len(u)), np.tile(u, len(segments))
-    q = np.concatenate([
-        basis(int(n), u) @ shape.points[k, : n + 1] for k, n in zip(segments, shape.shape.degrees[segments], strict=True)
-    ])
-    above = limit.least_at(q, shape.parameters[each]) - limit.lower
-    at, rows = np.nonzero(above < NEARBY * limit.size)
-    found = np.full(above.shape, np.inf)
-    for some in _alike(limit, rows):
-        kernel = chosen_kernel(problem, limit, int(rows[some[0]]))
-        values = ChosenValues(shape.shape, kernel, each[at[some]], places[at[some]], limit, rows[some]).at(shape).values
-        found[at[some], rows[some]] = values[:, 0] - limit.lower[rows[some]]
+    each = np.repeat(segments, len(u))
+    q = np.concatenate(
+        [
+            basis(int(n), u) @ shape.points[k, : n + 1]
+            for k, n in zip(segments, shape.shape.degrees[segments], strict=True)
+        ]
+    )
+    found = limit.above(q, shape.parameters[each], NEARBY * limit.size)
     return found.reshape(len(segments), len(u), -1).swapaxes(1, 2)
 
 
@@ -249,7 +243,7 @@ def near_instants(problem: Problem, x: Array) -> list[Instant]:
     u = np.linspace(0.0, 1.0, FIRST_CHOSEN)
     for limit in problem.chosen_limits:
         segments = np.array(list(filter(limit.holds_on, range(len(shape.durations)))), dtype=np.intp)
-        above = near_values(problem, limit, shape, segments, u[:-1])
+        above = near_values(limit, shape, segments, u[:-1])
         rows: dict[tuple[int, int], list[int]] = {}
         for k, row, i in np.argwhere(above < limit.size).tolist():
             rows.setdefault((k, i), []).append(row)
