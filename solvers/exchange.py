@@ -18,7 +18,7 @@ import numpy as np
 from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.formulation import case
-from ocp_traj.formulation.chosen import rows_proved_as
+from ocp_traj.formulation.chosen import ChosenLimit, rows_proved_as
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint
 from ocp_traj.formulation.rows import Row
@@ -40,6 +40,9 @@ from ocp_traj.transcription.turning_points import turned
 from ocp_traj.transcription.worst_instants import near_instants, worst_instants
 
 KEEP = 0.1  # of a limit's scale: rows with more slack than this after the first solve are dropped; our choice
+# Distances between bodies change much from one solve to the next: without their rows it would go through what is in the
+# way once more.
+KEEP_CHOSEN = 1.0
 STALLED, NEGLIGIBLE = (
     4.0,
     1e-6,
@@ -303,7 +306,8 @@ def _near(instants: list[Instant], problem: Problem, solution: Solution) -> list
             continue
         limit = _limit(problem, instant)
         rows = range(len(limit.labels)) if instant.rows is None else instant.rows
-        near = tuple(i for i in rows if solution.slacks[row_of(limit, instant, i)] < KEEP)
+        keep = KEEP_CHOSEN if isinstance(limit, ChosenLimit) else KEEP
+        near = tuple(i for i in rows if solution.slacks[row_of(limit, instant, i)] < keep)
         if near:
             kept.append(replace(instant, rows=near))
     return kept

@@ -7,6 +7,7 @@ from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ocp_traj.cli.body_sheets import body_tables, collision_words, nearest_bodies
 from ocp_traj.cli.console import Rows, Sheet
 from ocp_traj.display import count
 
@@ -43,9 +44,10 @@ def _case(problem: Problem) -> dict[str, Any]:
 
     if isinstance(problem.case, Task):
         robot = problem.case.robot.numbers or {}
-        return problem.case.fields() | {
-            "robot": {"numbers": f"{robot.get('name')}, {len(robot.get('joints', ()))} joints"}
-        }
+        told: dict[str, Any] = {"robot": {"numbers": f"{robot.get('name')}, {len(robot.get('joints', ()))} joints"}}
+        if problem.case.collision is not None:
+            told["collision"] = collision_words(problem.case.collision)
+        return problem.case.fields() | told
     return {f.name: getattr(problem.case, f.name) for f in fields(problem.case)} if is_dataclass(problem.case) else {}
 
 
@@ -70,7 +72,8 @@ def problem_sheet(problem: Problem) -> Sheet:
     for title, rows in zip(titles, parts.values(), strict=True):
         if rows:
             tables.append((title, list(rows[0]), [list(row.values()) for row in rows]))
-    return Sheet(data, tables + _notes(problem))
+    bodies, about_bodies = body_tables(problem)
+    return Sheet(data | bodies, tables + about_bodies + _notes(problem))
 
 
 def _variable_table(problem: Problem, solution: Solution) -> Rows:
@@ -195,6 +198,8 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         )
         tables.append(_variable_table(problem, solution))
         tables += _audit_tables(solution.audit)
+        data["nearest_bodies"], nearest = nearest_bodies(problem, solution.audit)
+        tables += nearest
     elif solution.conflicts:
         rows_ = [[c.row.limit, c.row.label, c.value, c.bound, c.excess, c.row.unit] for c in solution.conflicts]
         tables.append((title, ["limit", "joint", "value", "allowed", "excess", "unit"], rows_))

@@ -22,7 +22,7 @@ from ocp_traj.robot.robot import Robot
 PLAN, OMPL = "plan", "ompl"
 MOST = 60_000  # points that a planner looks at for one leg: our choice, a few seconds
 ROOM = 0.01  # [m] beyond what is asked, which a planner keeps from obstacles where it can: our choice
-TRIES = 3  # plans, of which the one whose rounded corners come least near, and then the quickest, is taken
+TRIES = 2  # plans, of which the one whose rounded corners come least near, and then the quickest, is taken
 SLOWER = (1.0, 1.5, 2.0, 3.0)  # than the limits allow; the first at which rounded corners come near no obstacle
 TOUCHING = 1e-3  # [m] by which rounded corners may be too near and count as clear: what is left the optimiser mends
 NEAR = 1e-3  # [rad or m] within which a path of a file has to pass a via point: our choice

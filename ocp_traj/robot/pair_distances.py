@@ -12,12 +12,12 @@ from functools import cached_property
 from typing import Any
 
 import casadi
-import coal
 import numpy as np
 
 from ocp_traj.arrays import Array, Index
 from ocp_traj.mapped import Mapped
 from ocp_traj.robot.bodies import BOX, CAPSULE, CYLINDER, HALF_SPACE, SPHERE, Body
+from ocp_traj.robot.body_distances import BOXES, CYLINDERS, HALF_SPACES, SEGMENTS, Cores, nearest
 from ocp_traj.robot.pair_bounds import PairBounds
 from ocp_traj.robot.placements import placements_function
 from ocp_traj.robot.robot import Robot
@@ -33,6 +33,7 @@ from ocp_traj.robot.separation import (
 
 CONSTANTS = 17  # point, edge; point, edge, normal; flat, radius: what is nearest at a posture is told by
 ORDER = {SPHERE: 0, CAPSULE: 0, CYLINDER: 1, BOX: 2, HALF_SPACE: 3}  # which body of a pair comes first
+GROUPS = (SEGMENTS, CYLINDERS, BOXES, HALF_SPACES)  # of ``body_distances``, in that order
 
 
 class PairDistances:
@@ -102,7 +103,7 @@ class PairDistances:
             if len(here):
                 a, b = (self._world(side, here, rows[here], rotations, places) for side in (0, 1))
                 method = _METHODS.get(kinds)
-                found.put(here, self._by_coal(rows[here], a, b) if method is None else method(a, b))
+                found.put(here, _in_general(kinds, a, b) if method is None else method(a, b))
         return found
 
     def _world(self, side: int, here: Index, rows: Index, rotations: Array, places: Array) -> _Cores:
@@ -110,20 +111,6 @@ class PairDistances:
         turn = rotations[here, carrier]
         centre = np.einsum("nij,nj->ni", turn, self._centre[side][rows]) + places[here, carrier]
         return _Cores(centre, turn @ self._axes[side][rows], self._half[side][rows])
-
-    def _by_coal(self, rows: Index, a: _Cores, b: _Cores) -> Nearest:
-        """Of kinds that have no method of their own, one after the other."""
-        found = Nearest.empty(len(rows))
-        found.flat[:] = 1.0
-        shapes = {row: [_core_shape(body) for body in self.pairs[row]] for row in set(rows.tolist())}
-        request = coal.DistanceRequest()
-        for i, row in enumerate(rows.tolist()):
-            poses = [coal.Transform3s(own.axes[i], own.centre[i]) for own in (a, b)]
-            result = coal.DistanceResult()
-            found.distance[i] = coal.distance(shapes[row][0], poses[0], shapes[row][1], poses[1], request, result)
-            found.point_a[i], found.point_b[i] = result.getNearestPoint1(), result.getNearestPoint2()
-            found.normal[i] = -np.asarray(result.normal).ravel()
-        return found
 
     def distances(self, q: Array, rows: Index) -> Array:
         """Signed distances ``(N,)`` [m] of pair ``rows[i]`` at posture ``q[i]``."""
@@ -195,6 +182,16 @@ class _Cores:
         return normal, (normal * self.centre).sum(axis=1)
 
 
+def _in_general(kinds: tuple[int, int], a: _Cores, b: _Cores) -> Nearest:
+    """Of kinds that have no method of their own here, such as two cylinders: by points and a normal that stays."""
+    count = len(a.centre)
+    cores = [Cores(np.full(count, GROUPS[kind]), *own.box) for kind, own in zip(kinds, (a, b), strict=True)]
+    x, y, normal = nearest(*cores)
+    none = np.zeros_like(x)
+    distance = ((x - y) * normal).sum(axis=1)
+    return Nearest(distance, x, y, none, none, normal, np.ones(count), np.zeros(count))
+
+
 _METHODS: dict[tuple[int, int], Callable[[_Cores, _Cores], Nearest]] = {
     (0, 0): lambda a, b: segment_segment(a.ends, b.ends),
     (0, 1): lambda a, b: segment_cylinder(a.ends, *b.box),
@@ -203,10 +200,3 @@ _METHODS: dict[tuple[int, int], Callable[[_Cores, _Cores], Nearest]] = {
     (1, 3): lambda a, b: cylinder_plane(*a.box, *b.plane),
     (2, 3): lambda a, b: box_plane(*a.box, *b.plane),
 }
-
-
-def _core_shape(body: Body) -> Any:
-    """A cylinder's or box's core as ``coal`` has it, about the origin."""
-    if body.kind == CYLINDER:
-        return coal.Cylinder(float(body.half[0]), 2.0 * float(body.half[2]))
-    return coal.Box(*(2.0 * body.half).tolist())

@@ -25,6 +25,7 @@ from ocp_traj.transcription.shape import ShapeAt, shape_of
 SCAN = 48  # samples a segment when looking for peaks: our choice, far denser than the degrees in use have peaks
 SCAN_CHOSEN = 17  # of limits whose constants are chosen, whose curves have many segments: our choice
 FIRST_CHOSEN = 4  # instants a segment of such limits in the first grid, its end left out: our choice
+FIRST_WITHIN = 3.0  # of its size: rows of it that are no farther above their bounds at the start; our choice
 NEARBY = 1.0  # of its size: a row of such a limit that is farther above its bound is not looked at; our choice
 FINE = 33  # samples about a sample that stands out, from one neighbour to the other: our choice
 NEWTON, NEWTON_SWEPT = 4, 8  # steps: our choice
@@ -209,7 +210,7 @@ class _ChosenPeaks(_Peaks):
 
     def _scanned(self) -> tuple[Index, Index, Array, Array | None]:
         u = np.linspace(0.0, 1.0, SCAN_CHOSEN)
-        excess = -near_values(self.limit, self.shape, self.segments, u) / self.limit.size
+        excess = -near_values(self.limit, self.shape, self.segments, u, NEARBY) / self.limit.size
         k, row, i, _ = np.nonzero(_stands_out(excess[..., None]))
         segments, rows, place = self.segments[k], row.astype(np.intp), u[i]
         for some in _alike(self.limit, rows):
@@ -217,7 +218,7 @@ class _ChosenPeaks(_Peaks):
         return segments, rows, place, None
 
 
-def near_values(limit: ChosenLimit, shape: ShapeAt, segments: Index, u: Array) -> Array:
+def near_values(limit: ChosenLimit, shape: ShapeAt, segments: Index, u: Array, within: float) -> Array:
     """How far a chosen limit's rows are above their bounds ``(K, rows, instants)``, infinite where that is far.
 
     Args:
@@ -225,6 +226,7 @@ def near_values(limit: ChosenLimit, shape: ShapeAt, segments: Index, u: Array) -
         shape: its curve at one x.
         segments: of the curve ``(K,)``.
         u: local times of the instants, on each of them.
+        within: its sizes above its bounds up to which rows are looked at.
     """
     each = np.repeat(segments, len(u))
     q = np.concatenate(
@@ -233,7 +235,7 @@ def near_values(limit: ChosenLimit, shape: ShapeAt, segments: Index, u: Array) -
             for k, n in zip(segments, shape.shape.degrees[segments], strict=True)
         ]
     )
-    found = limit.above(q, shape.parameters[each], NEARBY * limit.size)
+    found = limit.above(q, shape.parameters[each], within * limit.size)
     return found.reshape(len(segments), len(u), -1).swapaxes(1, 2)
 
 
@@ -243,9 +245,9 @@ def near_instants(problem: Problem, x: Array) -> list[Instant]:
     u = np.linspace(0.0, 1.0, FIRST_CHOSEN)
     for limit in problem.chosen_limits:
         segments = np.array(list(filter(limit.holds_on, range(len(shape.durations)))), dtype=np.intp)
-        above = near_values(limit, shape, segments, u[:-1])
+        above = near_values(limit, shape, segments, u[:-1], FIRST_WITHIN)
         rows: dict[tuple[int, int], list[int]] = {}
-        for k, row, i in np.argwhere(above < limit.size).tolist():
+        for k, row, i in np.argwhere(np.isfinite(above)).tolist():
             rows.setdefault((k, i), []).append(row)
         found += [Instant(limit.id, int(segments[k]), float(u[i]), tuple(own)) for (k, i), own in rows.items()]
     return found
