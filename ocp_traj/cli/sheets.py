@@ -12,6 +12,7 @@ from ocp_traj.cli.console import Rows, Sheet
 from ocp_traj.display import count
 
 if TYPE_CHECKING:  # a list of problems needs none of them
+    from ocp_traj.arrays import Array
     from ocp_traj.formulation.problem import Problem
     from ocp_traj.formulation.summary import Summary
     from ocp_traj.io.export.exported import Exported
@@ -320,6 +321,12 @@ def export_sheet(found: Exported) -> Sheet:
     rows = [[name, f"{value:.9g}" if isinstance(value, float) else value] for name, value in found.about.items()]
     title = f"{found.format}: {found.verdict} as it will be played"
     return Sheet(data, [(title, ["of the motion", "value"], rows)] if rows else [])
+
+
+def plan_sheet(path: Array, joints: Sequence[str], target: Path) -> Sheet:
+    """A planned path."""
+    data = {"written": str(target), "joints": list(joints), "points": path.tolist()}
+    return Sheet(data, [(f"{target.name}: {len(path)} points", list(joints), path.round(4).tolist())])
 
 
 def import_sheet(found: Imported, target: Path) -> Sheet:

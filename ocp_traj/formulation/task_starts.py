@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from ocp_traj.arrays import Array
-from ocp_traj.errors import InputError
+from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.formulation.clearance import ClearanceConstraint
 from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.route import route_of
 from ocp_traj.formulation.task import Task
-from ocp_traj.formulation.ways import OMPL, PLAN, TOUCHING, Ways
+from ocp_traj.formulation.ways import MOST, OMPL, PLAN, TOUCHING, Ways
 from ocp_traj.robot.robot import Robot
 
 AUTO, STRAIGHT = "auto", "straight"
@@ -62,6 +63,36 @@ def with_start(
         return np.asarray(np.clip(_completed(along(rng, ways), x), lower, upper))
 
     return replace(problem, guess=guess)
+
+
+def planned_path(problem: Problem, planner: str, seed: int) -> Array:
+    """A path ``(W, n)`` past obstacles through the points of a task's moves.
+
+    Args:
+        problem: of a task.
+        planner: ``PLAN`` or ``OMPL``.
+        seed: of its random numbers.
+
+    Raises:
+        InputError: there is nothing to plan past.
+        NoSolutionFound: no path was found.
+    """
+    task, limits = problem.case, problem.requirements.clearance_constraints
+    if not limits:
+        raise InputError(f"{task.name} has no [collision]: there is nothing to plan past")
+    points = route_of(task, problem.robot.size).points
+    ways = Ways(points, problem.robot, limits, planner, None, task.name)
+    rng = np.random.default_rng(seed)
+    legs = []
+    for i in range(len(points) - 1):
+        leg = ways.planned(i, rng)
+        if leg is None:
+            raise NoSolutionFound(
+                f"{task.name}: no way was found from point {i + 1} to point {i + 2} in {MOST} postures; try another --seed, "
+                "or give a via point between"
+            )
+        legs.append(leg if i == 0 else leg[1:])
+    return np.concatenate(legs)
 
 
 def _completed(curve: Array, x: Array) -> Array:

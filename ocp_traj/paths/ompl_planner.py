@@ -18,7 +18,7 @@ def ompl_path(space: Space, start: Array, goal: Array, seed: int, most: int) -> 
         space: in which.
         start: clear, ``(n,)``.
         goal: likewise.
-        seed: of OMPL's generators; the same seed gives the same path only in a process that has not used OMPL before.
+        seed: of OMPL's generators, of which the first in a process decides: it is then the sequence of calls that does.
         most: points to look at.
 
     Raises:
@@ -30,7 +30,7 @@ def ompl_path(space: Space, start: Array, goal: Array, seed: int, most: int) -> 
         raise InputError(
             'start = "ompl" needs OMPL: pip install "ocp-traj[plan]"; or give start = "plan", which needs nothing'
         ) from error
-    util.setLogLevel(util.LOG_ERROR)
+    util.setLogLevel(util.LOG_NONE)  # it would complain of a seed that comes after the first
     util.RNG.setSeed(seed)
     n, begun = len(start), space.looked
     # Coordinates over their scale, so that distances are those of the space.
