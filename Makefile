@@ -16,7 +16,7 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow kill fuzz interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-vias bench-scenes coverage lint clean
+.PHONY: help front test test-slow kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias bench-scenes coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
@@ -24,12 +24,14 @@ help:
 	@echo "make test-slow  the slow tests"
 	@echo "make kill       a front killed at 20 random moments: nothing finished is lost"
 	@echo "make fuzz       2000 mutated files, and 2000 tasks: what is proved of them holds, none ends in a traceback"
+	@echo "make fuzz-clearance 2000 random motions past random bodies: no proof and no violation that a scan contradicts; minutes"
 	@echo "make coverage   all tests, with their coverage"
 	@echo "make interrupts Ctrl-C at MOMENTS (20) random moments of every method; takes hours"
 	@echo "make bench-speed times beside those of an earlier commit: benchmarks/RESULTS.md; half an hour, on a quiet machine"
 	@echo "make bench-arms a random move of every arm of example-robot-data, solved and proved, or why not; some 10 s"
 	@echo "make bench-ruckig random moves of a UR5 beside Ruckig's optimum: durations, proofs, seconds; minutes"
 	@echo "make bench-toppra random paths of a UR5 beside TOPP-RA: durations, proofs, excess, seconds; ten minutes"
+	@echo "make bench-clearance a proof of clearances beside coal at 10 000 instants; some 10 s"
 	@echo "make bench-vias what 10, 100 and 1000 via points cost; minutes"
 	@echo "make bench-scenes SCENES=FOLDER problems of MotionBenchMaker in clutter beside OMPL and TOPP-RA; hours, and goes on"
 	@echo "                where it was stopped"
@@ -54,6 +56,9 @@ fuzz: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.fuzz
 	$(BIN)/python -m tests.task_mutations
 
+fuzz-clearance: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.clearance_fuzz
+
 coverage: $(VENV)/.installed-dev
 	$(PYTEST) -m "" --cov
 
@@ -74,6 +79,9 @@ bench-ruckig: $(VENV)/.installed-dev
 bench-toppra: $(VENV)/.installed-dev
 	$(INSTALL) --editable ".[bench]"
 	$(BIN)/python -m benchmarks.toppra_paths
+
+bench-clearance: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.clearances
 
 bench-vias: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.via_points

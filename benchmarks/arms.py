@@ -1,8 +1,8 @@
 """Every arm of ``example-robot-data``: whether it loads, and a random move of each, solved and proved.
 
 Run with ``python -m benchmarks.arms [NAME ..]`` (``make bench-arms``). An arm has a fixed base and two to seven joints
-that move once grippers are locked. The move is from one random posture through another to a third, along the C2 cubic
-spline of least time, with the file's limits on position, velocity and effort and our own on acceleration and jerk.
+that move once grippers are locked. Each is a task built in code: from one random posture to another in least time, with
+the file's limits on position, velocity and effort and our own on acceleration and jerk, and a curve of kind ``auto``.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import casadi
 import numpy as np
@@ -35,11 +36,14 @@ class Arm:
     tool_frame: str
     locked: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def table(self) -> dict[str, Any]:
+        """``[robot]`` of its task."""
+        return {"description": self.name, "tool_frame": self.tool_frame, "locked": dict(self.locked)}
+
     def robot(self) -> ot.Robot:
-        """The robot with its own limits and ours; raises ``InputError`` where it cannot be."""
-        bare = ot.Robot.from_description(self.name, locked=self.locked, file_limits=False)
-        limits = ot.JointLimits(acceleration=[ACCELERATION] * bare.size, jerk=[JERK] * bare.size)
-        return ot.Robot.from_description(self.name, locked=self.locked, tool_frame=self.tool_frame, limits=limits)
+        """The robot with its own limits; raises ``InputError`` where it cannot be."""
+        return ot.Robot.from_description(self.name, locked=self.locked, tool_frame=self.tool_frame)
 
 
 FINGERS = {"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
@@ -65,7 +69,7 @@ ARMS = (
 NO_ARMS = {"bolt": "two legs, on a base that is not fixed"}  # the others of two to seven joints
 
 
-def random_postures(robot: ot.Robot, seed: int, count: int = 3) -> Array:
+def random_postures(robot: ot.Robot, seed: int, count: int = 2) -> Array:
     """Postures ``(count, n)`` around the middle of the joints' ranges that the motors hold.
 
     Raises ``InputError`` where none is found.
@@ -84,25 +88,18 @@ def random_postures(robot: ot.Robot, seed: int, count: int = 3) -> Array:
     raise InputError(f"of {POSTURES} random postures its motors hold {len(held)}, {count} are needed")
 
 
-def problem(robot: ot.Robot, postures: Array) -> ot.Problem:
-    """Shortest time through postures ``(count, n)``: the durations of a cubic spline."""
-    axes, count = (robot.joints, robot.units), len(postures)
-    limits = list(ot.standard.joint_limits(robot.limits, *axes))
-    if not missing_inertias(robot.model):
-        efforts = robot.limits.bounds("effort")
-        limits.append(
-            ot.standard.effort_limit(lambda s: robot.effort(s.q, s.v, s.a), efforts, robot.effort_units, robot.joints)
-        )
-    at = [(0, 0.0), *((k, 0.0) for k in range(2, count)), (-1, 1.0)]
-    points = (ot.standard.rest(*axes), ot.standard.via_points(postures, at, *axes))
-    slowest = float((np.abs(np.diff(postures, axis=0)) / robot.limits.velocity[1]).max())
-    h = ot.Variable("h", np.full(count + 1, 0.02), np.full(count + 1, 10.0 + 2.0 * slowest), "s",
-                    tuple(f"h{i}" for i in range(1, count + 2)))  # fmt: skip
-    return ot.Problem(
-        "arm", (h,), lambda x: ot.curves.cubic_spline_free_ends(postures, x),
-        (ot.Objective("time", "s", of_variables=lambda x, p: casadi.sum1(x)),),
-        ot.Requirements(*axes, tuple(limits), points), lambda rng: rng.uniform(0.5, 1.0, count + 1) * (1.0 + slowest),
-        None, robot, dilate=lambda x, s: s * x, scales_in_time=True, reference_point={"time": 60.0},
+def move(table: Mapping[str, Any], postures: Array, finest: int = 16, **limits: Any) -> ot.Problem:
+    """Shortest time from one posture to another ``(2, n)``, of at most ``finest`` pieces.
+
+    Args:
+        table: ``[robot]`` of the task.
+        postures: start and goal.
+        finest: of the task's curve.
+        limits: beside ours, or in place of them.
+    """
+    return ot.problems.load(
+        "task", name="arm", robot=dict(table), move=[{"start": postures[0], "goal": postures[1]}],
+        limits={"acceleration": ACCELERATION, "jerk": JERK, **limits}, curve={"finest": finest},
     )  # fmt: skip
 
 
@@ -115,7 +112,8 @@ def row(arm: Arm, seed: int) -> tuple[str, str, str, str, str]:
     without = missing_inertias(robot.model)
     begun = time.process_time()
     try:
-        found = ot.solve(problem(robot, random_postures(robot, seed)), certify=False, seed=seed)
+        task = move(arm.table, random_postures(robot, seed), **({"effort": "none"} if without else {}))
+        found = ot.solve(task, seed=seed)
     except (InputError, NoSolutionFound) as error:
         return arm.name, str(robot.size), "", "", f"refused: {error}"
     spent = f"{time.process_time() - begun:.2f}"

@@ -16,6 +16,10 @@ if TYPE_CHECKING:  # the same names for type checkers, which run no ``__getattr_
     from ocp_traj.curves.bernstein import PiecewiseBezier as PiecewiseBezier
     from ocp_traj.formulation import standard as standard
     from ocp_traj.formulation.about import About as About
+    from ocp_traj.formulation.additions import RobotState as RobotState
+    from ocp_traj.formulation.additions import with_id as with_id
+    from ocp_traj.formulation.additions import with_limit as with_limit
+    from ocp_traj.formulation.additions import with_objective as with_objective
     from ocp_traj.formulation.objective import Objective as Objective
     from ocp_traj.formulation.problem import Problem as Problem
     from ocp_traj.formulation.problem import Variable as Variable
@@ -25,6 +29,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which run no ``__getattr_
     from ocp_traj.formulation.requirements import PointConstraint as PointConstraint
     from ocp_traj.formulation.requirements import Requirements as Requirements
     from ocp_traj.formulation.requirements import State as State
+    from ocp_traj.formulation.task import Task as Task
     from ocp_traj.formulation.tuning import Tuning as Tuning
     from ocp_traj.io.export import export as export
     from ocp_traj.io.plot import plot_front as plot_front
@@ -50,6 +55,11 @@ _PUBLIC = {
     "problems": "ocp_traj.problems",
     "solvers": "ocp_traj.solvers",
     "standard": "ocp_traj.formulation.standard",
+    "with_id": "ocp_traj.formulation.additions:with_id",
+    "with_limit": "ocp_traj.formulation.additions:with_limit",
+    "with_objective": "ocp_traj.formulation.additions:with_objective",
+    "RobotState": "ocp_traj.formulation.additions:RobotState",
+    "Task": "ocp_traj.formulation.task:Task",
     "solve": "ocp_traj.api:solve",
     "pareto": "ocp_traj.api:pareto",
     "payload": "ocp_traj.api:payload",

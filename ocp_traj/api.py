@@ -16,13 +16,17 @@ from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound, cut, quoted
 from ocp_traj.formulation.problem import Decomposition, Problem
 from ocp_traj.formulation.scalarise import Scalarisation, WeightedSum, check_names
+from ocp_traj.formulation.task import Task
+from ocp_traj.io.start_file import earlier_results
 from ocp_traj.io.store import Run, request
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.alternatives import best_front
 from ocp_traj.results.front import Front
+from ocp_traj.results.limit_gains import limit_gains
 from ocp_traj.results.pareto_set import ENDED_AFTER, proved_front
 from ocp_traj.results.records import Found, Record, ignore
 from ocp_traj.results.solution import Solution
+from ocp_traj.results.starts import start_of
 from ocp_traj.results.time_scaling import largest_excess
 from ocp_traj.results.trajectory import Trajectory, audit_points, case_fields
 from ocp_traj.solvers import methods
@@ -60,6 +64,7 @@ def solve(
     method: str = "exchange",
     starts: int | None = None,
     seed: int = 0,
+    start: Trajectory | str | Path | None = None,
     all_optima: bool = False,
     solver: Exchange | None = None,
     certify: bool | None = None,
@@ -76,7 +81,10 @@ def solve(
         starts: random starts, or runs of a population, of each alternative of the problem; as many as the problem asks
             for if not given.
         seed: of the starts.
+        start: an earlier result to begin from, in place of random starts: a trajectory, its file, or a run folder, the
+            best of whose points is taken. It need not keep this problem's limits; a curve of fewer pieces will do.
         all_optima: whether ``solution.optima`` lists every distinct local optimum; ``OPTIMA_STARTS`` if not given.
+            Of a problem with levels those of the problem itself: it is not refined, and ``detail`` says so.
         solver: of each start of exchange.
         certify: whether to prove global optimality by branch and bound, and to look for a better optimum where that
             fails; by default where it applies, which is to what exchange finds for the shortest time of few durations.
@@ -95,7 +103,7 @@ def solve(
     """
     with stopping() as stop:
         found = _solve(
-            problem, objective=objective, weights=weights, method=method, starts=starts, seed=seed,
+            problem, objective=objective, weights=weights, method=method, starts=starts, seed=seed, start=start,
             all_optima=all_optima, solver=solver, certify=certify, progress=progress, **options,
         )  # fmt: skip
         return replace(found, interrupted=found.interrupted or "at its very end") if stop.tell() else found
@@ -103,8 +111,11 @@ def solve(
 
 def _solve(
     problem: Problem, *, objective: str | None, weights: Mapping[str, float] | None, method: str, starts: int | None,
-    seed: int, all_optima: bool, solver: Exchange | None, certify: bool | None, progress: Progress, **options: Any,
+    seed: int, start: Trajectory | str | Path | None, all_optima: bool, solver: Exchange | None, certify: bool | None,
+    progress: Progress, **options: Any,
 ) -> Solution:  # fmt: skip
+    if start is not None:
+        _check_start(problem, method, starts, all_optima)
     if starts is None:
         starts = max(problem.tuning.starts, OPTIMA_STARTS if all_optima else 1)
     if starts < 1:
@@ -155,9 +166,18 @@ def _solve(
         each, all_ = (progress, silent) if starts == 1 else (silent, progress)
         one_start = solver or methods.configured(methods.SOLVE, method, progress=each, **options)
         many = Multistart(one_start, starts, seed, all_optima, all_)
-        by_levels = problem.levels is not None and not all_optima
-        found = (ByLevels(many, progress=all_) if by_levels else many).solve(problem, scalar)
+        if start is not None:
+            given = [start] if isinstance(start, Trajectory) else earlier_results(start)
+            source = "the trajectory" if isinstance(start, Trajectory) else str(start)
+            found = ByLevels(many, progress=all_).solve(problem, scalar, start_of(problem, given, scalar, source))
+        else:
+            by_levels = problem.levels is not None and not all_optima
+            found = (ByLevels(many, progress=all_) if by_levels else many).solve(problem, scalar)
+            if problem.levels is not None and all_optima:
+                words = f"all optima are of this one level, of {problem.size} variables; no finer one was looked at"
+                found = replace(found, detail=f"{found.detail}; {words}")
         problem = finest(problem, found)
+        found = replace(found, gains=limit_gains(problem, scalar, found))
     proved = found.audit is not None and found.audit.proved
     default = method == "exchange" and problem.size <= MOST_DURATIONS and is_certifiable(problem, scalar)
     wanted = default if certify is None else certify
@@ -165,8 +185,22 @@ def _solve(
         return found
     judge = BranchAndBound(progress=progress)
     if method == "exchange":
-        return judge.improve(problem, scalar, found)
+        found = judge.improve(problem, scalar, found)
+        return replace(found, gains=limit_gains(problem, scalar, found))
     return replace(found, certificate=judge.certify(problem, scalar, found)[0])
+
+
+def _check_start(problem: Problem, method: str, starts: int | None, all_optima: bool) -> None:
+    """Refuses what does not go with an earlier result to begin from."""
+    if method != "exchange":
+        raise InputError(f"a start is for the method exchange; {method} makes its own: leave one of them out")
+    if starts is not None or all_optima:
+        raise InputError(f"give a start or {'all_optima' if starts is None else 'starts'}, not both")
+    if problem.decomposition is not None:
+        raise InputError(f"{problem.id} is solved by parts in this case, and takes no start; leave it out")
+    if problem.alternatives:
+        choices = ", ".join(problem.alternatives)
+        raise InputError(f"{problem.id} is {choices} in one, and takes no start; give it to one of its alternatives")
 
 
 def _population(
@@ -377,7 +411,7 @@ def _with_free_payload(problem: Problem) -> Problem:
     """The problem with its payload among its variables and its objectives."""
     if any(objective.id == PAYLOAD_MASS for objective in problem.objectives):
         return problem
-    if problem.id not in problems.names():
+    if problem.id not in problems.names() and not isinstance(problem.case, Task):
         raise InputError(
             f"{problem.id} has no objective {PAYLOAD_MASS!r}: give it the payload as a variable and as that objective"
         )
@@ -404,6 +438,5 @@ def payload(
     if trajectory is not None:
         return along(problem, trajectory)
     if max_time is not None:
-        solver = Multistart(Exchange(), starts, seed, progress=progress)
-        return within(_with_free_payload(problem), max_time, solver)
+        return within(_with_free_payload(problem), max_time, Multistart(Exchange(), starts, seed), progress)
     return static_bound(problem)

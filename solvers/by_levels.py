@@ -6,11 +6,13 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.solution import Solution
+from ocp_traj.results.starts import Start, levels_to
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.stopping import STOPS, current
 
@@ -30,20 +32,22 @@ class ByLevels:
     progress: Progress = silent
 
     @one_blas_thread
-    def solve(self, problem: Problem, scalarisation: Scalarisation) -> Solution:
-        """The best proved solution; its ``trajectory.origin`` is the problem of its level.
+    def solve(self, problem: Problem, scalarisation: Scalarisation, start: Start | None = None) -> Solution:
+        """The best proved solution, from random starts or from one that is given.
 
-        That is the problem itself or a finer one, which its ``detail`` tells with the values of all levels. A level
-        that is not reached, or does not gain, leaves the solution of the one before.
+        Its ``trajectory.origin`` is the problem of its level: the problem itself, or a finer one, which its ``detail``
+        tells with the values of all levels. A level that is not reached, or does not gain, leaves the solution of the
+        one before.
         """
         begun = time.perf_counter()
-        chain = chain_to(problem)
+        chain = levels_to(problem) if start is None else start[0]
         found: list[tuple[Problem, Solution]] = []
         solution: Solution | None = None
         interrupted = ""
         try:
             for level in chain:
-                solution = self._level(level, scalarisation, solution)
+                first = start is not None and not found
+                solution = self._from(*start, scalarisation) if first else self._level(level, scalarisation, solution)
                 found.append((level, solution))
                 self.progress(len(found), len(chain), _value(solution))
             while self.refine and _is_proved(solution) and (finer := _finer(found[-1][0])) is not None:
@@ -62,11 +66,21 @@ class ByLevels:
             interrupted = f"after {len(found)} levels"
         best = found[-1][1]
         steps = ", ".join(f"{s.f:.6g} of {p.size} variables" for p, s in found)
+        levels = "" if problem.levels is None else f"; by levels: {steps}"
         return replace(
-            best, detail=f"{best.detail}; by levels: {steps}", seconds=time.perf_counter() - begun,
+            best, detail=best.detail + levels, seconds=time.perf_counter() - begun,
             iterations=sum(s.iterations for _, s in found), starts=found[0][1].starts,
             interrupted=best.interrupted or interrupted,
         )  # fmt: skip
+
+    def _from(self, chain: Sequence[Problem], x: Array, scalarisation: Scalarisation) -> Solution:
+        """From given variables of the first problem: in their neighbourhood, and from there as from a random start."""
+        solver = self.starts.solver
+        near = replace(solver, solver=solver.solver.near_start())
+        tries = [near.solve(chain[0], scalarisation, x)]
+        if not _is_proved(tries[0]):
+            tries.append(solver.solve(chain[0], scalarisation, x))
+        return replace(best_of(tries), starts=1)
 
     def _level(
         self, problem: Problem, scalarisation: Scalarisation, coarser: Solution | None, *, cold: bool = True
@@ -79,14 +93,6 @@ class ByLevels:
         if not tries or (cold and not _is_proved(tries[0])):
             tries.append(self.starts.solve(problem, scalarisation))
         return best_of(tries)
-
-
-def chain_to(problem: Problem) -> Sequence[Problem]:
-    """The problems from the coarsest to the given one."""
-    chain = [problem]
-    while chain[0].levels is not None and chain[0].levels.coarser is not None:
-        chain.insert(0, chain[0].levels.coarser())
-    return chain
 
 
 def _finer(problem: Problem) -> Problem | None:

@@ -9,7 +9,7 @@ proved every limit, so that the solution needs no further check.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -49,6 +49,7 @@ STALLED, NEGLIGIBLE = (
 )  # a round that gains less than this factor on an excess this small: back off; our choice
 WARM_ITERATIONS = 40  # a warm start that needs more is none: from a cold one some 25 are enough
 GAINS = 2.0  # a round that reduces the excess by less than this gains too little; our choice
+ABOUT = 1e-2  # of a limit's scale: a start's peak this close to its bound is where a neighbour's instant moves: ours
 NEAR = 0.15  # of a segment: a new peak this close to a moving instant replaces it
 
 
@@ -144,6 +145,10 @@ class Exchange:
         x, extra, iterations = np.asarray(x0, dtype=float), np.zeros(0), 0
         back_off, before, excess = self.back_off, np.inf, np.inf
         last: Solution | None = None  # feasible at its instants
+        if warm is not None and any(instant.moves for instant in instants):  # a neighbour's, to where its peaks now are
+            peaks, _ = worst_instants(problem, x, self.back_off, ABOUT)
+            instants, renamed = _merge(instants, peaks, x, problem, keep=False, add=False)
+            warm = _inheriting(warm, renamed)
         most = self.exchanges(problem)
         for number in range(1, most + 1):
             known = opened if number == 1 else None
@@ -189,8 +194,7 @@ class Exchange:
             if number == 1 and self.first is None and problem.tuning.instants is None:
                 instants = _near(instants, problem, solution)
             instants, renamed = _merge(instants, peaks, x, problem, keep=excess > before / GAINS)
-            inherited = {new: solution.multipliers.get(old, 0.0) for new, old in renamed.items()}
-            warm = replace(solution, multipliers={**solution.multipliers, **inherited})
+            warm = _inheriting(solution, renamed)
         if last is not None and last.audit is None:
             last = _finished(problem, scalarisation, last, x, begun)
         if proved:
@@ -314,9 +318,9 @@ def _near(instants: list[Instant], problem: Problem, solution: Solution) -> list
 
 
 def _merge(
-    instants: list[Instant], peaks: list[Instant], x: Array, problem: Problem, *, keep: bool
+    instants: list[Instant], peaks: list[Instant], x: Array, problem: Problem, *, keep: bool, add: bool = True
 ) -> tuple[list[Instant], dict[Row, Row]]:
-    """Adds peaks to the grid; one close to an instant that moves replaces it, and inherits its multiplier.
+    """Adds peaks to the grid, if wanted; one close to an instant that moves replaces it, and inherits its multiplier.
 
     Where replacing them gains too little the rounds may go in a circle: ``keep`` leaves the old ones where they
     were put.
@@ -339,9 +343,16 @@ def _merge(
                     merged.append(replace(old, slope=None, anchor=None))
                 break
         else:
-            places.append(len(merged))
-            merged.append(peak)
+            if add:
+                places.append(len(merged))
+                merged.append(peak)
     return merged, renamed
+
+
+def _inheriting(solution: Solution, renamed: Mapping[Row, Row]) -> Solution:
+    """A solution with the multipliers of rows for those that replace them."""
+    inherited = {new: solution.multipliers.get(old, 0.0) for new, old in renamed.items()}
+    return replace(solution, multipliers={**solution.multipliers, **inherited})
 
 
 def _limit(problem: Problem, instant: Instant) -> PathConstraint:

@@ -6,8 +6,9 @@ is halved along its longer side: one objective is bounded at the middle, the oth
 attainment towards the ideal, inside the reference box, along a lattice of weights (Das and Dennis, 1998), and, where
 that leaves points to be had, along the directions of finer lattices that are farthest from all points so far.
 
-Time scaling gives the starts: a dilated solution keeps its path, so one solution is a whole ray of candidates,
-evaluated in one pass of the tape; the best one that meets the bound is where the local solver begins.
+A solve between two neighbours begins in their middle, which is nearer by an order than they are. Elsewhere, and where
+they are of two families, time scaling gives the start: a dilated solution keeps its path, so one solution is a whole
+ray of candidates, evaluated in one pass of the tape; the best one that meets the bound is where the solver begins.
 """
 
 from __future__ import annotations
@@ -277,6 +278,8 @@ class _Trace:
     def _point(self, scalar: Scalarisation, neighbours: list[int], bounds: Mapping[int, float], span: Array) -> bool:
         """Solves for one more point; whether one was found that is not there already."""
         x0, nearest = self._start(neighbours, bounds)
+        middle = self._middle(neighbours) if bounds else None
+        x0 = x0 if middle is None else middle
         known = self.solutions[nearest]
         # Where solutions are compared, or asked for less than they keep, each is proved at once.
         at_once = self.problem.tighten_slacks is not None or self.problem.tuning.starts > 1
@@ -346,6 +349,13 @@ class _Trace:
         free = [k for k in range(len(self.names)) if k not in bounds]
         merit = 1e3 * over + (values[:, free] / span[free]).sum(axis=1)
         return candidates[int(np.argmin(merit))]
+
+    def _middle(self, pair: list[int]) -> Array | None:
+        """The middle of two neighbours of one family of trajectories, which has its objectives between theirs."""
+        x = np.mean([self.solutions[i].x for i in pair], axis=0)
+        objectives, known = evaluate_objectives(self.problem, x), self.values[pair]
+        values = self.signs * np.array([objectives[name] for name in self.names])
+        return x if ((known.min(axis=0) <= values) & (values <= known.max(axis=0))).all() else None
 
     def _count(self, scalar: Scalarisation, solution: Solution) -> None:
         if self.tracer.found is not ignore:

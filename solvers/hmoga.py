@@ -126,8 +126,8 @@ class HMOGA:
         if ENDED_AFTER in info or "conflict" in info:
             return ParetoSet(ends.xs, "hmoga", self.seed, ends.seconds, info, ends.interrupted)
         rng = np.random.default_rng(self.seed)
-        target = PymooProblem(problem, objectives, self.per_segment, tolerance=self.constraint_tolerance)
-        first = self._first(problem, objectives, list(ends.xs), rng)
+        target = PymooProblem(problem, objectives, self.per_segment, tolerance=self.constraint_tolerance, known=ends.xs)
+        first = self._first(problem, objectives, list(ends.xs), rng, (target.xl, target.xu))
         watch = Watch(self.stall, self.function_tolerance, _box(target, first[: len(ends.xs)]))
         algorithm = PymooNSGA2(
             pop_size=self.population,
@@ -178,11 +178,14 @@ class HMOGA:
         """All points; whoever makes a front of them proves and ranks them."""
         return ParetoSet(xs, "hmoga", self.seed, time.perf_counter() - begun, info, interrupted)
 
-    def _first(self, problem: Problem, objectives: Sequence[str], ends: list[Array], rng: np.random.Generator) -> Array:
+    def _first(
+        self, problem: Problem, objectives: Sequence[str], ends: list[Array], rng: np.random.Generator,
+        box: tuple[Array, Array],
+    ) -> Array:  # fmt: skip
         """The first generation ``(population, n)``: the ends, points between and around them, random points."""
         points = ends[: self.population]
         inactive = problem.inactive(objectives)
-        lower, upper = problem.lower, problem.upper
+        lower, upper = box
         while len(points) < self.population:
             if ends and len(points) < self.seeded * self.population:
                 one, other = rng.integers(len(ends), size=2)

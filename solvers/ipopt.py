@@ -17,11 +17,11 @@ import numpy as np
 from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError
-from ocp_traj.formulation.rows import VARIABLE, Conflict, Row
+from ocp_traj.formulation.rows import Conflict
 from ocp_traj.solvers.nlpsol import numeric_solver, raise_failures
 from ocp_traj.stopping import current, stopping
+from ocp_traj.transcription.elastic import Elastic
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
-from ocp_traj.transcription.program import ElasticProgram
 
 LINEAR_SOLVERS = ("mumps", "spral")
 TINY = 1e-3  # an objective below this, and below this share of the variables' size: our choice
@@ -157,7 +157,7 @@ class Ipopt:
             # that holds it off by itself, and more loses what is known.
             target = float(wanted.get("mu_target", 0.0))
             settings |= dict.fromkeys(_PUSHES, 1e-9 if target > 0.0 else 1e-4)
-            settings |= {"warm_start_init_point": "yes", "mu_init": max(1e-8, target)}
+            settings |= {"warm_start_init_point": "yes", "mu_init": max(1e-9, target)}
         return settings | dict(wanted) | dict(self.options)
 
     def _run(self, nlp: NLP, x0: Array, warm: NLPResult | None, begun: float) -> NLPResult:
@@ -185,50 +185,21 @@ class Ipopt:
         return nlp.result(result, status, self.feasibility, iterations, seconds, f"IPOPT: {said}")
 
     def conflicts(self, nlp: NLP, x0: Array) -> tuple[Conflict, ...]:
-        """The limits that do not hold together, from the elastic problem: least sum of excesses over the bounds.
+        """The limits that do not hold together, and by how much each has to give at the best point found from here."""
+        found = self.least_violation(nlp, x0)
+        return () if found is None else found[0].conflicts(found[1])
 
-        A limit with an excess is not met at the point it comes to; one without, but with a multiplier, is in its way.
-        """
-        n, m = nlp.program.size, nlp.program.rows
-        elastic = NLP(
-            name=f"{nlp.name} (elastic)",
-            program=ElasticProgram(nlp.program),
-            lower_x=np.concatenate([nlp.lower_x, np.zeros(2 * m)]),
-            upper_x=np.concatenate([nlp.upper_x, np.full(2 * m, np.inf)]),
-            lower_g=nlp.lower_g,
-            upper_g=nlp.upper_g,
-            rows=nlp.rows,
-            labels=(*nlp.labels, *("over" for _ in range(m)), *("under" for _ in range(m))),
-            units=(*nlp.units, *("-" for _ in range(2 * m))),
-        )
-        _, values = nlp.program.values(x0)
-        excess = [np.maximum(values - nlp.upper_g, 0.0), np.maximum(nlp.lower_g - values, 0.0)]
-        start = np.concatenate([x0, *[np.where(np.isfinite(e), e, 1.0) + 1e-3 for e in excess]])
-        solver = Ipopt(1e-8, self.max_iter, self.max_seconds, self.linear_solver)
-        solution = solver._run(elastic, start, None, time.perf_counter())
-        if not solution.ok:
-            return ()  # without its least-violating point nothing is known of who stands in whose way
-        high, low = solution.x[n : n + m], solution.x[n + m :]
-        _, values = nlp.program.values(solution.x[:n])
-        found: dict[tuple[str, str], Conflict] = {}
-        for i, row in enumerate(nlp.rows):
-            exceeded, multiplier = max(high[i], low[i]), solution.multipliers[row]
-            if row.defines:
-                continue
-            if exceeded <= 1e-6 and abs(multiplier) <= 1e-4:
-                continue
-            bound = nlp.upper_g[i] if (high[i] >= low[i] if exceeded > 1e-6 else multiplier > 0) else nlp.lower_g[i]
-            excess_in_unit = exceeded * row.scale if exceeded > 1e-6 else 0.0
-            conflict = Conflict(row, values[i] * row.scale, bound * row.scale, excess_in_unit)
-            key = (row.limit, row.label)
-            if key not in found or conflict.excess / row.scale > found[key].excess / found[key].row.scale:
-                found[key] = conflict
-        for i, label in enumerate(nlp.labels):
-            multiplier = float(solution.bound_multipliers[i]) if solution.bound_multipliers is not None else 0.0
-            if abs(multiplier) > 1e-4 and nlp.lower_x[i] < nlp.upper_x[i]:
-                bound = nlp.upper_x[i] if multiplier > 0 else nlp.lower_x[i]
-                found[VARIABLE, label] = Conflict(Row(VARIABLE, label, unit=nlp.units[i]), solution.x[i], bound, 0.0)
-        return tuple(sorted(found.values(), key=lambda c: -c.excess / c.row.scale))
+    def least_violation(self, nlp: NLP, x0: Array) -> tuple[Elastic, NLPResult] | None:
+        """The elastic problem and its solution from ``x0 (n,)``; None where there is none, and nothing is known."""
+        solver, best, x = Ipopt(1e-8, self.max_iter, self.max_seconds, self.linear_solver), None, x0
+        for shared in (True, False, True):
+            elastic = Elastic(nlp, shared)
+            found = solver._run(elastic.nlp, elastic.start(x), None, time.perf_counter())
+            if found.ok:
+                best, x = (elastic, found), found.x[: nlp.program.size]
+            if shared == found.ok:  # solved as it should be, or not even with amounts of their own
+                break
+        return best
 
 
 def matched_multipliers(nlp: NLP, warm: NLPResult) -> Array:

@@ -16,6 +16,7 @@ from ocp_traj.progress import Progress, silent
 from ocp_traj.results.incumbent import no_worse_than
 from ocp_traj.results.optima import distinct, with_sampled
 from ocp_traj.results.solution import Solution
+from ocp_traj.solvers.elastic_exchange import amounts_to_give
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.stopping import STOPS, stopping
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
@@ -96,8 +97,11 @@ class Multistart:
         solutions, done, interrupted = self._solved(problem, scalarisation, pairs, gives_up=not self.all_optima)
         optima = with_sampled(problem, distinct(problem, solutions, SOLVES), pairs) if self.all_optima else ()
         each = SOLVES if self.all_optima else 1
+        best = best_of(solutions)
+        if best.status is Status.LOCALLY_INFEASIBLE and best.conflicts and not interrupted:
+            best = replace(best, conflicts=amounts_to_give(problem, scalarisation, best))
         return replace(
-            best_of(solutions), seconds=time.perf_counter() - begun, optima=optima, starts=done,
+            best, seconds=time.perf_counter() - begun, optima=optima, starts=done,
             given_up=done - len(solutions) // each, interrupted=interrupted,
         )  # fmt: skip
 

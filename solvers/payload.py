@@ -17,14 +17,17 @@ from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.formulation.problem import Problem
-from ocp_traj.formulation.scalarise import EpsilonConstraint
+from ocp_traj.formulation.scalarise import EpsilonConstraint, WeightedSum
+from ocp_traj.progress import Progress, silent
 from ocp_traj.proof.audit import audit_all
 from ocp_traj.proof.verdicts import Audit
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.trajectory import Trajectory
-from ocp_traj.solvers.multistart import Multistart
+from ocp_traj.solvers.by_levels import ByLevels
+from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.protocols import ProblemSolver
-from ocp_traj.stopping import current
+from ocp_traj.stopping import STOPS, current, stopping
 from ocp_traj.transcription.end_states import fixed_values
 
 PARAMETER = "payload"
@@ -166,27 +169,56 @@ def _carrying(problem: Problem, trajectory: Trajectory, mass: float) -> Trajecto
 
 
 @one_blas_thread
-def within(problem: Problem, max_time: float, solver: ProblemSolver | None = None) -> LargestPayload:
-    """The largest payload of all trajectories that take at most ``max_time`` [s]: mass and intervals chosen together.
+def within(
+    problem: Problem, max_time: float, starts: Multistart | None = None, progress: Progress = silent
+) -> LargestPayload:
+    """The largest payload found of all trajectories that take at most ``max_time`` [s]: mass and motion together.
+
+    Looked for from the shortest motion that is found, whose mass is free as well, and from random starts. It is of
+    local solvers; the static bound, where there is one, says what no motion carries.
 
     Args:
         problem: with its payload freed, so that ``payload_mass`` is one of its objectives.
         max_time: [s].
-        solver: of the joint problem.
+        starts: of the joint problem.
+        progress: told of each way.
     """
     if not (np.isfinite(max_time) and max_time > 0.0):
         raise InputError(f"the time allowed is {max_time} s; give a finite time above zero")
     problem.objective(OBJECTIVE)
+    _require_dependence(problem)
+    many = starts or Multistart(starts=2)
+    solver: ProblemSolver = many if problem.levels is None else ByLevels(many)
     scalar = EpsilonConstraint(OBJECTIVE, {"time": max_time})
-    solution = (solver or Multistart(starts=2)).solve(problem, scalar).require()
+    found: list[Solution] = []
+    with stopping() as stop:
+        try:
+            for number, way in enumerate((_from_shortest, _from_anywhere), 1):
+                if not found or problem.levels is None:  # by levels the second finds no more, and takes long
+                    found += way(problem, scalar, solver, many.solver)
+                progress(number, 2, f"best {_best(found)} kg")
+        except STOPS as reason:
+            if not found:
+                raise
+            stop.take(reason)
+        solution = best_of(found).require()
+        if stop.tell():
+            solution = replace(solution, interrupted=solution.interrupted or "before all ways were tried")
     assert solution.audit is not None and solution.trajectory is not None
     if not solution.audit.proved:
         raise NoSolutionFound(
             f"{problem.id}: the largest payload within {max_time:g} s was not proved; {solution.audit.explain()}"
         )
-    payload = solution.objectives[OBJECTIVE]
-    static = static_bound(problem)
-    rows = [row for row in solution.audit.rows if row.verdict == "proved" and row.limit == static.binding.split()[0]]
+    payload, static = solution.objectives[OBJECTIVE], None
+    try:
+        static = static_bound(problem)
+        known = f"no time law carries more than {static.payload:.6g} kg ({static.binding})"
+        if payload >= static.payload - TOLERANCE:
+            known += ", so it is the largest there is"
+    except InputError:
+        known = "how much more another motion carries is not known"
+    name = "" if static is None else static.binding.split()[0]
+    rows = [row for row in solution.audit.rows if row.verdict == "proved" and row.limit == name]
     tight = min(rows or solution.audit.rows, key=lambda row: row.margin)
     return LargestPayload(
         payload=payload,
@@ -196,9 +228,36 @@ def within(problem: Problem, max_time: float, solver: ProblemSolver | None = Non
         value=tight.attained,
         bound=tight.bound,
         unit=tight.unit,
-        argument=f"mass and time law together, in at most {max_time:g} s; no time law carries more than "
-        f"{static.payload:.6g} kg ({static.binding})",
+        argument=f"the largest found, mass and time law together, in at most {max_time:g} s; {known}",
         trajectory=solution.trajectory,
         audit=solution.audit,
         solution=solution,
     )
+
+
+def _require_dependence(problem: Problem) -> None:
+    """Refuses a problem in which no limit stops the payload."""
+    index, requirements = _parameter_index(problem), problem.requirements
+    limits = requirements.path_constraints
+    if not any(index in requirements.function(limit).jac_sparsity(0, 2).get_triplet()[1] for limit in limits):
+        raise InputError(f"{problem.id}: no limit depends on the payload, so there is no largest; limit the efforts")
+
+
+def _from_shortest(problem: Problem, scalar: EpsilonConstraint, solver: ProblemSolver, one: Exchange) -> list[Solution]:
+    """From the shortest motion, whose mass is free as well: inside the bound on time there is room for more."""
+    shortest = solver.solve(problem, WeightedSum({"time": 1.0}))
+    if not shortest.ok or shortest.objectives["time"] > scalar.bounds["time"]:
+        return []
+    origin = None if shortest.trajectory is None else shortest.trajectory.origin
+    near = replace(one, solver=one.solver.near_start())
+    return [near.solve(origin or problem, scalar, shortest.x)]
+
+
+def _from_anywhere(problem: Problem, scalar: EpsilonConstraint, solver: ProblemSolver, one: Exchange) -> list[Solution]:
+    """From random starts."""
+    return [solver.solve(problem, scalar)]
+
+
+def _best(found: Sequence[Solution]) -> str:
+    values = [solution.objectives[OBJECTIVE] for solution in found if solution.ok]
+    return f"{max(values):.6g}" if values else "no"

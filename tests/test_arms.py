@@ -2,13 +2,15 @@
 
 import re
 import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import ocp_traj as ot
-from benchmarks.arms import ARMS, NO_ARMS, Arm, problem, random_postures
+from benchmarks.arms import ARMS, NO_ARMS, Arm, move, random_postures
 from ocp_traj.errors import RobotDefinitionError
 from ocp_traj.robot.descriptions import description_urdf, descriptions
 from ocp_traj.robot.dh import robot_of_rows
@@ -24,8 +26,9 @@ GANTRY = "<robot name='gantry'><link name='base'/>" + "".join(
 ) + "</robot>"  # fmt: skip
 
 
-def proved(robot: ot.Robot, seed: int = 0) -> bool:
-    found = ot.solve(problem(robot, random_postures(robot, seed)), certify=False)
+def proved(robot: ot.Robot, table: dict[str, Any], **limits: Any) -> bool:
+    found = ot.solve(move(table, random_postures(robot, 0), finest=2, **limits))
+    assert found.trajectory is not None and found.trajectory.joints == robot.joints
     return found.audit is not None and found.audit.proved
 
 
@@ -49,14 +52,14 @@ def test_an_arm_loads_or_is_refused_for_limits_that_are_not_given(arm: Arm) -> N
 @pytest.mark.parametrize("name", ["kinova", "xarm", "so100"])
 def test_a_random_move_of_an_arm_is_proved(name: str) -> None:
     (arm,) = (arm for arm in ARMS if arm.name == name)
-    assert proved(arm.robot())
+    assert proved(arm.robot(), arm.table)
 
 
-def test_a_gantry_of_prismatic_joints_is_proved() -> None:
-    limits = ot.JointLimits(acceleration=[2.0] * 3, jerk=[20.0] * 3)
-    robot = ot.Robot.from_urdf(GANTRY, limits=limits, tool_frame="lz")
+def test_a_gantry_of_prismatic_joints_is_proved(tmp_path: Path) -> None:
+    robot, file = ot.Robot.from_urdf(GANTRY, tool_frame="lz"), tmp_path / "gantry.urdf"
+    file.write_text(GANTRY)
     assert robot.units == ("m", "m", "m")
-    assert proved(robot)
+    assert proved(robot, {"urdf": str(file), "tool_frame": "lz"}, acceleration=2.0, jerk=20.0)
 
 
 def test_an_arm_of_rows_is_proved() -> None:
@@ -66,7 +69,8 @@ def test_an_arm_of_rows_is_proved() -> None:
         position=[[-2.0] * 3, [2.0] * 3], velocity=[2.0] * 3, acceleration=[8.0] * 3, jerk=[60.0] * 3,
         effort=[60.0, 60.0, 30.0],
     )  # fmt: skip
-    assert proved(robot_of_rows(rows, limits=limits))
+    given = {name: limits.bounds(name) for name in ("position", "velocity", "effort")}
+    assert proved(robot_of_rows(rows, limits=limits), {"dh": rows}, **given)
 
 
 def test_a_tool_frame_and_a_joint_of_one_name_are_told_apart() -> None:

@@ -58,7 +58,7 @@ def row_of(of: Robot, motion: Motion, bodies: Sequence[Body], asked: float, **op
 
 
 def tight(of: Robot, motion: Motion, bodies: Sequence[Body], least: float, step: float = 1e-9) -> None:
-    """The least distance is what it is said to be: proved below, violated above, enclosed to a tenth of a millimetre."""
+    """The least distance is what it is said to be: proved below, violated above, enclosed to 0.1 mm."""
     for asked, verdict in ((least - step, PROVED), (least + step, VIOLATED)):
         row = row_of(of, motion, bodies, asked)
         assert row.verdict == verdict, row
@@ -247,7 +247,8 @@ def test_a_constraint_is_refused_in_one_line() -> None:
     for bodies, pairs, asked, words in (
         ((a, b), (), 0.1, "no pairs"), ((a, b), ((0, 2),), 0.1, "not two of its 2 bodies"),
         ((a, b, c), ((1, 2),), 0.1, "do not move against each"), ((a, b), ((0, 1),), -0.1, "clearance is -0.1"),
-        ((a, b), ((0, 1),), float("nan"), "clearance is nan"), ((a, sphere("c", 4, X, 0.1)), ((0, 1),), 0.1, "on joint 4"),
+        ((a, b), ((0, 1),), float("nan"), "clearance is nan"),
+        ((a, sphere("c", 4, X, 0.1)), ((0, 1),), 0.1, "on joint 4"),
     ):  # fmt: skip
         with pytest.raises(ProblemDefinitionError, match=words):
             ClearanceConstraint("clearance", SLIDE, bodies, pairs, asked)

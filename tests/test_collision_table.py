@@ -65,7 +65,7 @@ BROKEN = {
         ROBOT.replace("self = false", 'self = false\nlinks = "given"') + BALL, r'has links = "given" and no',
     ),
     "self no truth": (_swap("self = false", "self = 3"), r"\[collision\] self is 3; give true or false"),
-    "clearance below zero": (_swap("self = false", "self = false\nclearance = -0.1"), r"clearance is -0.1; give a dist"),
+    "clearance below zero": (_swap("self = false", "clearance = -0.1"), r"clearance is -0.1; give a distance"),
     "clearance no number": (_swap("self = false", 'self = false\nclearance = "1 cm"'), r"clearance is '1 cm'; give"),
     "self clearance infinite": (_swap("self = false", "self_clearance = inf"), r"self_clearance is inf; give a dist"),
     "no frame": (_swap('frame = "forearm_link"\n', ""), r"link 1.frame is missing; give the name of a link"),
@@ -112,7 +112,7 @@ BROKEN = {
         r"obstacle 2.plane has the normal \[0, 0, 0\]; give a direction",
     ),
     "plane without offset": (
-        CELL + "\n[[collision.obstacle]]\nplane = { normal = [0, 0, 1] }\n", r"obstacle 2.plane.offset is missing; give",
+        CELL + "\n[[collision.obstacle]]\nplane = { normal = [0, 0, 1] }\n", r"obstacle 2.plane.offset is missing",
     ),
     "cylinder without length": (
         CELL + "\n[[collision.obstacle]]\ncylinder = { from = [1, 1, 1], to = [1, 1, 1], radius = 0.1 }\n",
@@ -132,7 +132,7 @@ BROKEN = {
         _swap("[0.57, 0.02, 0.35]", "[0.3, -0.25, 0.4]"), r"at the start rod and ball overlap by [\d.]+ mm",
     ),
     "goal too near": (
-        _swap("self = false", "self = false\nclearance = 0.5"), r"at the start rod and ball are \d+ mm apart; .* 500 mm",
+        _swap("self = false", "self = false\nclearance = 0.5"), r"at the start rod and ball are \d+ mm apart; .* 500",
     ),
 }  # fmt: skip
 
@@ -163,7 +163,7 @@ def test_the_command_refuses_it_with_exit_code_2(tmp_path: Path, capsys: pytest.
 
 
 def test_millimetres_and_degrees_are_the_same_cell(tmp_path: Path) -> None:
-    box = "\n[[collision.obstacle]]\nname = \"crate\"\nbox = {{ centre = {}, size = {}, rpy = {} }}\n"
+    box = '\n[[collision.obstacle]]\nname = "crate"\nbox = {{ centre = {}, size = {}, rpy = {} }}\n'
     plain = CELL + box.format([0.45, -0.55, 0.05], [0.2, 0.2, 0.1], [0.0, 0.0, 0.3])
     degrees = [np.degrees(v).tolist() for v in ([-0.9, -1.2, 1.5, -1.8, -1.5, 0.0], [0.9, -1.0, 1.3, -1.8, -1.5, 0.0])]
     other = (

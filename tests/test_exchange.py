@@ -88,6 +88,17 @@ def test_a_first_grid_blind_to_the_limit_gets_the_peaks_as_moving_instants() -> 
         assert instant.slope == pytest.approx([0.0], abs=1e-6)
 
 
+def test_peaks_near_their_bounds_are_found_where_those_are_wanted() -> None:
+    """A hundredth slower than the fastest: the acceleration is 2 % below its bound, the velocity far below."""
+    problem, x = quintic_problem(Quintic()), np.array([1.01 * Quintic().least_time])
+    assert worst_instants(problem, x, BACK_OFF) == ([], 0.0)
+    found, excess = worst_instants(problem, x, BACK_OFF, 0.03)
+    assert excess == 0.0
+    assert {instant.limit for instant in found} == {"acceleration-limit"}
+    assert sorted(i.u for i in found) == pytest.approx([(3 - 3**0.5) / 6, (3 + 3**0.5) / 6], abs=1e-9)
+    assert worst_instants(problem, x, BACK_OFF, 0.01)[0] == []
+
+
 def test_a_first_grid_of_the_users_own_is_used() -> None:
     problem = quintic_problem()
     solution = solve(problem, TIME, solver=Exchange(first=uniform_instants(problem, 40)))

@@ -129,7 +129,8 @@ def test_a_row_on_a_control_point_is_told_as_such(robot: ot.Robot) -> None:
     problem = held_at_control_points(quintics(robot, wander(3), 1))
     (row, *_) = [r for r in transcribe(problem, TIME, few_instants(problem)).rows if r.limit == "jerk-limit"]
     words = str(Conflict(row, 70.0, 60.0, 10.0))
-    assert words == "jerk-limit shoulder_pan_joint at segment 0, control point 0: 70, allowed 60 rad/s3 (off by 10)"
+    place = "jerk-limit shoulder_pan_joint at segment 0, control point 0"
+    assert words == f"{place}: 70, allowed 60 rad/s3 (off by 10 rad/s3, 16.7 %)"
 
 
 def test_hull_rows_of_what_is_no_derivative_are_refused() -> None:

@@ -10,7 +10,7 @@ import ocp_traj as ot
 from ocp_traj.curves.least_time import phases
 from ocp_traj.formulation.problem import Levels
 from ocp_traj.formulation.tuning import Tuning
-from ocp_traj.solvers.by_levels import chain_to
+from ocp_traj.results.starts import levels_to
 from ocp_traj.transcription.symbolic import motion_of
 from tests.quintics import curves, move, quintics, refined, ur5, wander
 
@@ -36,14 +36,14 @@ def test_more_pieces_are_solved_from_fewer_until_little_is_gained(robot: ot.Robo
 
 def test_a_number_of_pieces_is_kept(robot: ot.Robot) -> None:
     problem = refined(robot, wander(6), 6)
-    assert [_pieces(p, 5) for p in chain_to(problem)] == [1, 3, 6]
+    assert [_pieces(p, 5) for p in levels_to(problem)] == [1, 3, 6]
     found = ot.solve(problem)
     assert found.audit is not None and found.audit.proved and found.trajectory is not None
     assert found.trajectory.origin is problem and found.f == pytest.approx(2.4, abs=2e-4)
 
 
 def test_one_piece_is_solved_with_limits_at_control_points_first(robot: ot.Robot) -> None:
-    before, problem = chain_to(refined(robot, wander(6), 1))
+    before, problem = levels_to(refined(robot, wander(6), 1))
     assert before.tuning.hull_rows and not problem.tuning.hull_rows and before.size == problem.size
     found = ot.solve(problem)
     assert found.audit is not None and found.audit.proved
@@ -51,7 +51,7 @@ def test_one_piece_is_solved_with_limits_at_control_points_first(robot: ot.Robot
 
 
 def test_prolonged_variables_are_the_same_motion_a_little_slower(robot: ot.Robot) -> None:
-    coarse, fine = chain_to(refined(robot, wander(4), 3))
+    coarse, fine = levels_to(refined(robot, wander(4), 3))
     assert fine.levels is not None
     x = coarse.guess(np.random.default_rng(0))
     curve, other = motion_of(coarse, x).curve, motion_of(fine, fine.levels.prolong(x)).curve

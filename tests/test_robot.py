@@ -518,8 +518,8 @@ def test_bad_urdf_source_is_explained(tmp_path: Path) -> None:
         Robot.from_urdf(binary)
     with pytest.raises(
         RobotDefinitionError,
-        match=r"'gripper' does not move in the URDF string \(nearest is 'grip'\); frames are \['finger', 'fore'",
+        match=r"'gripper' is no frame that moves in the URDF string \(nearest is 'grip'\); those are finger, fore",
     ):
         Robot.from_urdf(URDF, tool_frame="gripper")
-    with pytest.raises(RobotDefinitionError, match="'base' does not move"):
+    with pytest.raises(RobotDefinitionError, match="'base' is no frame that moves"):
         Robot.from_urdf(URDF, tool_frame="base")

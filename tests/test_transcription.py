@@ -147,6 +147,22 @@ def test_uniform_instants_share_a_knot_only_where_the_limit_is_continuous() -> N
 # --- other rows ---
 
 
+def test_rows_at_rest_leave_the_hessian_and_no_others(hybrid: Problem) -> None:
+    nlp = transcribe(hybrid, WeightedSum({"energy": 1.0}), few_instants(hybrid))
+    x, rng = nlp.start(guess(hybrid)), np.random.default_rng(1)
+    active = np.where(np.arange(len(nlp.rows)) % 5 == 0, rng.uniform(0.5, 1.0, len(nlp.rows)), 0.0)
+    others = np.where(active == 0.0, rng.uniform(0.5, 1.0, len(nlp.rows)), 0.0)
+
+    def hessian(factor: float, multipliers: np.ndarray) -> np.ndarray:
+        return np.asarray(nlp.program.hessian(x, factor, multipliers))
+
+    without, rest = hessian(1.0, active), hessian(0.0, others)
+    size = np.abs(without).max()
+    assert np.abs(rest).max() > 1e-3 * size
+    assert_array_equal(hessian(1.0, active + 1e-9 * others), without)
+    assert_allclose(hessian(1.0, active + 1e-6 * others), without + 1e-6 * rest, rtol=0, atol=1e-12 * size)
+
+
 def test_a_point_constraint_has_rows_unless_it_is_structural() -> None:
     plain = septic_problem()
     for structural, rows in ((False, 1), (True, 0)):

@@ -62,7 +62,5 @@ def nearest_bodies(problem: Problem, checked: Audit) -> tuple[list[dict[str, Any
     if not found:
         return [], []
     columns = ["limit", "between", "distance [m]", "t [s]", "all at least [m]", "verdict"]
-    cells = [
-        [r["limit"], r["between"], r["distance"], r["instant"], r["all_at_least"], r["verdict"]] for r in found
-    ]
+    cells = [[r["limit"], r["between"], r["distance"], r["instant"], r["all_at_least"], r["verdict"]] for r in found]
     return found, [("Nearest bodies", columns, cells)]

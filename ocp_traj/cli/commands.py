@@ -27,7 +27,7 @@ from typer.exceptions import TyperException
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.cli import console
 from ocp_traj.errors import InputError, OcpTrajError, cut, quoted
-from ocp_traj.files import LONGEST_PATH, check_writable
+from ocp_traj.files import LONGEST_PATH, check_writable, write_text
 from ocp_traj.solvers import methods
 from ocp_traj.stopping import exit_code, stopping
 from ocp_traj.version import __version__
@@ -106,6 +106,24 @@ def list_problems(json: AsJson = False) -> None:
 
 
 @app.command()
+def new(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Task file to write (TOML).")],
+    force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
+) -> None:
+    """Writes a task file to begin with: a robot, a path and limits, every key explained; it solves as it stands.
+
+    Example: ocp-traj new arm.toml
+    """
+    from ocp_traj.formulation.task_example import task_example
+
+    if file.suffix.lower() != ".toml":
+        raise InputError(f"a task file ends in .toml; {quoted(file.name)} does not")
+    if file.exists() and not force:
+        raise InputError(f"{file} is there already; give another name, or --force to replace it")
+    console.say(f"task: {write_text(file, task_example())}\nnext: ocp-traj solve {file} -o t.json")
+
+
+@app.command()
 @one_blas_thread
 def show(problem: ProblemName, set_: Fields = None, json: AsJson = False) -> None:
     """Shows a problem's variables, objectives and limits.
@@ -131,6 +149,12 @@ def solve(
     starts: Annotated[
         int | None,
         typer.Option(help="Random starts, the best counts; the problem's own number if not given.", min=1, max=MOST),
+    ] = None,
+    start: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RUN|FILE", help="Begin at an earlier result, not at random: a trajectory, or a run's best point."
+        ),
     ] = None,
     all_optima: Annotated[bool, typer.Option(help="List every distinct local optimum that a start ends in.")] = False,
     certify: Annotated[
@@ -175,7 +199,7 @@ def solve(
     with stopping() as stop:
         with console.progress("solving") as progress:
             solution = api.solve(
-                chosen, objective=objective, weights=weights, method=method, starts=starts, seed=seed,
+                chosen, objective=objective, weights=weights, method=method, starts=starts, seed=seed, start=start,
                 all_optima=all_optima, certify=certify, progress=progress, **options,
             )  # fmt: skip
         if chosen.levels is not None and solution.trajectory is not None:
@@ -576,8 +600,23 @@ def _load(name: str, assignments: Sequence[str] | None) -> Problem:
     if name.lower().endswith(".toml"):
         if "file" in changes:
             raise InputError("--set file is no place in a task; give one such as robot.payload.mass")
-        return problems.load("task", file=name, **changes)
+        problem = problems.load("task", file=name, **changes)
+        _check_export(problem.case, name)
+        return problem
     return problems.load(name, **changes)
+
+
+def _check_export(task: Task, file: str) -> None:
+    """Refuses a wrong ``[export]`` before there is anything to export."""
+    if task.export is None:
+        return
+    from ocp_traj.formulation.task_file import told
+    from ocp_traj.io.export import check_table
+
+    try:
+        check_table(task.export)
+    except InputError as error:
+        raise told(error, task.name, file) from error
 
 
 def _task(problem: Problem) -> Task | None:

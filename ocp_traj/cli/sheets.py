@@ -9,6 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from ocp_traj.cli.body_sheets import body_tables, collision_words, nearest_bodies
 from ocp_traj.cli.console import Rows, Sheet
+from ocp_traj.cli.solution_tables import (
+    conflict_table,
+    conflict_values,
+    gain_tables,
+    gain_values,
+    objective_table,
+)
 from ocp_traj.display import count
 
 if TYPE_CHECKING:  # a list of problems needs none of them
@@ -36,7 +43,8 @@ def problem_list(problems: Sequence[Summary]) -> Sheet:
 def _notes(problem: Problem) -> list[Rows]:
     """What the case fills in where the paper says nothing."""
     notes = [[note] for note in problem.about.notes]
-    return [("Not in the paper", ["this case has"], notes)] if notes else []
+    title = "Not in the paper" if problem.about.reference else "Understood"
+    return [(title, ["this case has"], notes)] if notes else []
 
 
 def _case(problem: Problem) -> dict[str, Any]:
@@ -147,6 +155,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         "problem": problem.id,
         "status": solution.status.value,
         "objectives": dict(solution.objectives),
+        "quadrature_errors": solution.quadrature_errors,
         "units": units,
         "variables": variables,
         "seconds": solution.seconds,
@@ -156,17 +165,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         "starts": solution.starts,
         "given_up": solution.given_up,
         "moved": solution.moved,
-        "conflicts": [
-            {
-                "limit": c.row.limit,
-                "label": c.row.label,
-                "value": c.value,
-                "bound": c.bound,
-                "excess": c.excess,
-                "unit": c.row.unit,
-            }
-            for c in solution.conflicts
-        ],
+        "conflicts": conflict_values(solution.conflicts),
         "certificate": None
         if solution.certificate is None
         else {**vars(solution.certificate), "gap": solution.certificate.gap},
@@ -175,6 +174,7 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
         "interrupted": solution.interrupted,
         "notes": list(problem.about.notes),
         "figures": [{"name": n, "value": v, "unit": u} for n, v, u in figures],
+        "gains": gain_values(solution.gains),
     }
     if solution.alternatives:
         data["alternatives"] = [
@@ -194,16 +194,13 @@ def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
     title = f"{problem.id}: {solution.status.value}{certified} in {effort}"
     tables: list[Rows] = []
     if solution.audit is not None:
-        tables.append(
-            (title, ["objective", "value", "unit"], [[k, f"{v:.9g}", units[k]] for k, v in solution.objectives.items()])
-        )
+        tables.append(objective_table(title, solution.objectives, units, solution.quadrature_errors))
         tables.append(_variable_table(problem, solution))
-        tables += _audit_tables(solution.audit)
+        tables += [*gain_tables(solution.gains), *_audit_tables(solution.audit)]
         data["nearest_bodies"], nearest = nearest_bodies(problem, solution.audit)
         tables += nearest
     elif solution.conflicts:
-        rows_ = [[c.row.limit, c.row.label, c.value, c.bound, c.excess, c.row.unit] for c in solution.conflicts]
-        tables.append((title, ["limit", "joint", "value", "allowed", "excess", "unit"], rows_))
+        tables.append(conflict_table(title, solution.conflicts))
     if figures:
         tables.append(("Figures", ["figure", "value", "unit"], [[n, f"{v:.5g}", u] for n, v, u in figures]))
     names = [f"{o.id} [{o.unit}]" for o in problem.objectives]
@@ -306,7 +303,8 @@ def payload_sheet(found: LargestPayload) -> Sheet:
     }
     names = ["payload [kg]", "binding limit", "instant [s]", "holds for", "because"]
     row = [f"{found.payload:.6f}", found.binding, found.instant, found.kind, found.argument]
-    return Sheet(data, [("Largest payload", names, [row])])
+    title = "Largest payload" + (" found" if found.kind == "within a time" else "")
+    return Sheet(data, [(title, names, [row])])
 
 
 def export_sheet(found: Exported) -> Sheet:

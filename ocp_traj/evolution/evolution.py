@@ -18,6 +18,7 @@ import pymoo.core.problem
 from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.evolution.population import Population
+from ocp_traj.evolution.search_box import search_box
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.progress import Progress
@@ -42,6 +43,8 @@ HANDLING = ("feasibility", "penalty", "death", "dominated")
 class PymooProblem(pymoo.core.problem.Problem):  # type: ignore[misc]  # pymoo is untyped
     """A problem as pymoo sees it: a generation a call, every limit a constraint, objectives to be minimised.
 
+    It has a box of finite bounds, see ``search_box``, which holds the points that are ``known``.
+
     Attributes:
         handling: of constraints, one of ``HANDLING``.
         weight: of ``penalty``, in units of the objectives' scales.
@@ -53,7 +56,7 @@ class PymooProblem(pymoo.core.problem.Problem):  # type: ignore[misc]  # pymoo i
     def __init__(
         self, problem: Problem, objectives: Sequence[str], per_segment: int,
         handling: str = "feasibility", weight: float = 1e3, refine: bool = False, scaling: bool = False,
-        tolerance: float = 0.0,
+        tolerance: float = 0.0, known: Sequence[Array] = (),
     ) -> None:  # fmt: skip
         if handling not in HANDLING:
             raise InputError(f"constraint handling is {handling!r}; allowed are {', '.join(HANDLING)}")
@@ -71,13 +74,13 @@ class PymooProblem(pymoo.core.problem.Problem):  # type: ignore[misc]  # pymoo i
         self.worst = np.array([self.signs[i] * bounds.get(o.id, np.inf) for i, o in enumerate(chosen)])
         self.seconds, self.calls, self.individuals = 0.0, 0, 0
         rows = sum(len(limit.labels) for limit in problem.path_limits)
-        self.problem_size = problem.size
+        self.problem_size, box = problem.size, search_box(problem, known)
         super().__init__(
             n_var=problem.size,
             n_obj=len(chosen),
             n_ieq_constr=rows + int(np.isfinite(self.worst).sum()) if handling == "feasibility" else 0,
-            xl=problem.lower,
-            xu=problem.upper,
+            xl=box[0],
+            xu=box[1],
         )
 
     def meant(self, x: Array) -> Array:

@@ -22,6 +22,7 @@ from ocp_traj.formulation.requirements import ORDERS, SWEEP, PathConstraint
 from ocp_traj.interval.tape import Tape
 from ocp_traj.proof.values import values_at
 from ocp_traj.transcription.symbolic import (
+    constants_at,
     curve_function,
     integrand_function,
     plain_objectives,
@@ -160,8 +161,9 @@ class Population:
                 values[name] = self._direct[name].evaluate(population.T)[0][0]
             else:
                 nodes, weights, tape = self._integrals[name]
-                state, _, u, p = nodes.together(nodes.states(points, durations), parameters)
-                integrand = tape.evaluate(state, u[None], p, np.zeros((0, 1)))[0].reshape(len(nodes.nodes), -1)
+                state, segment, u, p = nodes.together(nodes.states(points, durations), parameters)
+                c = np.zeros((0, 1)) if objective.constants is None else constants_at(objective, segment).T
+                integrand = tape.evaluate(state, u[None], p, c)[0].reshape(len(nodes.nodes), -1)
                 values[name] = (integrand * (weights @ durations)).sum(axis=0)
         worst = np.concatenate(violations).T if violations else np.zeros((len(population), 0))
         return Evaluation(

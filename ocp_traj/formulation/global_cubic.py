@@ -46,7 +46,8 @@ def global_cubic(points: ArrayLike, limits: JointLimits) -> Parametrisation:
         return np.array(curve.durations, dtype=float)
 
     def total(x: Any) -> Any:
-        return x.sum() if isinstance(x, np.ndarray) else casadi.sum1(x)
+        own = x[: count + 2]  # variables may go on after the curve's
+        return own.sum() if isinstance(x, np.ndarray) else casadi.sum1(own)
 
     labels = tuple(f"T{k + 1}" for k in range(count + 2))
     return Parametrisation(

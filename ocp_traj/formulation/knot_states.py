@@ -15,6 +15,7 @@ from ocp_traj.arrays import Array
 from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.knots import Knots
 from ocp_traj.formulation.parametrisation import Parametrisation
+from ocp_traj.formulation.stretches import Stretch
 from ocp_traj.robot.joint_limits import JointLimits
 
 DEGREES = (5, 7, 9)
@@ -38,6 +39,7 @@ def knot_states(
     end: ArrayLike | None = None,
     joints: Sequence[str] = (),
     units: Sequence[str] = (),
+    stretches: Sequence[Stretch] = (),
 ) -> Parametrisation:
     """A curve through via points whose states at knots, and durations, are variables.
 
@@ -55,11 +57,13 @@ def knot_states(
         rest: derivatives that vanish at ends and stops; those above, up to the order of continuity, are free.
         stops: via points at rest, counted from 0.
         dwells: {via point: seconds} standing still there, a constant segment; inner ones.
-        via_tolerance: how far inner via points may be passed by, ``()`` or ``(n,)``; the ends are exact.
+        via_tolerance: how far inner via points may be passed by, ``()``, ``(n,)`` or each ``(L + 1, n)``, infinite
+            where limits alone bound them; the ends are exact.
         start: derivatives 1, 2, .. ``(k, n)`` there, in place of rest.
         end: likewise.
         joints: one name a joint.
         units: of the joints, "rad" where not given.
+        stretches: legs along which the start is given.
 
     Raises:
         ProblemDefinitionError: names what does not fit.
@@ -73,8 +77,9 @@ def knot_states(
     _check("degree", degree, degree in DEGREES, "5, 7 or 9")
     _check("pieces", pieces, pieces >= 1, "1 or more")
     _check("rest", rest, 0 <= rest <= most, f"0 to {most}, for degree {degree}")
-    tolerance = np.broadcast_to(np.asarray(via_tolerance, dtype=float), (n,))
+    tolerance = np.broadcast_to(np.asarray(via_tolerance, dtype=float), where.shape).copy()
     _check("via_tolerance", via_tolerance, bool((tolerance >= 0.0).all()), "numbers from 0 up")
+    tolerance[[0, -1]] = 0.0
     inner = range(1, len(where) - 1)
     for word, indices in (("stop", tuple(stops)), ("dwell", tuple(dwells or {}))):
         for i in indices:
@@ -103,6 +108,7 @@ def knot_states(
         given,
         names,
         kinds,
+        tuple(stretches),
     )
     still = all(not rows.any() for rows in given.values())
     return Parametrisation(

@@ -20,9 +20,11 @@ from ocp_traj.curves.rounded import Rounded
 from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.problem import Variable
 from ocp_traj.formulation.requirements import ORDERS
-from ocp_traj.robot.joint_limits import JointLimits
+from ocp_traj.formulation.stretches import Stretch
+from ocp_traj.robot.joint_limits import QUANTITIES, JointLimits
 
 PHASES = 7  # of constant jerk, of a shortest motion from rest to rest: that many pieces may hold it exactly
+NEAR = "near"  # id of the limit that inner via points are passed within a tolerance
 SHORTEST, LONGEST = 1e-3, 1e2  # bounds of durations, of the guessed ones: our choice, far from any optimum met
 # Random starts are so many times slower than a shortest motion from rest to rest along a straight line: our choice.
 SLOWER, SLOWER_ALONE = (1.0, 1.4), (1.0, 1.02)  # through via points, and where there are none
@@ -51,8 +53,9 @@ class Knots:
     """Knots, their states and the segments between them, and which of them are variables.
 
     Attributes:
-        points ``(L + 1, n)``, limits, pieces, even, rest, stops, dwells, tolerance ``(n,)``, joints, units: as of
+        points ``(L + 1, n)``, limits, pieces, even, rest, stops, dwells, joints, units, stretches: as of
             ``knot_states``.
+        tolerance: by which each via point may be missed ``(L + 1, n)``.
         rows: q and its derivatives at a knot.
         given: derivatives ``(k, n)`` at the first (0) and last (-1) knot.
     """
@@ -69,6 +72,7 @@ class Knots:
     given: Mapping[int, Array]
     joints: tuple[str, ...]
     units: tuple[str, ...]
+    stretches: tuple[Stretch, ...] = ()
 
     @cached_property
     def via(self) -> tuple[int, ...]:
@@ -104,8 +108,11 @@ class Knots:
 
     @cached_property
     def least(self) -> Array:
-        """What each leg takes at least from rest to rest ``(L,)`` [s]."""
-        return least_times(self.points, self.limits)
+        """What each leg takes at least from rest to rest, of a stretch what it takes in the start ``(L,)`` [s]."""
+        found = least_times(self.points, self.limits)
+        for stretch in self.stretches:
+            found[stretch.first : stretch.first + len(stretch.times)] = stretch.times
+        return found
 
     @cached_property
     def unit(self) -> float:
@@ -122,8 +129,7 @@ class Knots:
         free, fixed = np.ones((count, self.rows, n), dtype=bool), np.zeros((count, self.rows, n))
         twins = {}
         for i, k in enumerate(self.via):
-            ends = i in (0, len(self.points) - 1)
-            free[k, 0] = ~ends & (self.tolerance > 0.0)
+            free[k, 0] = self.tolerance[i] > 0.0
             fixed[k, 0] = self.points[i]
             if i in self.dwells:
                 free[k, 1:] = free[k + 1] = False
@@ -176,8 +182,14 @@ class Knots:
                 unit = self.units[joints[0]]
                 labels = tuple(f"{ORDERS[k]}{knot[i]} {self.joints[joint[i]]}" for i in own)
                 name = f"{ORDERS[k]} [{unit}]" if several else ORDERS[k]
-                found.append(Variable(name, lower[own], upper[own], unit, labels))
+                limits = tuple(self._bounded_by(int(knot[i]), k, int(joint[i])) for i in own)
+                found.append(Variable(name, lower[own], upper[own], unit, labels, bounded_by=limits))
         return tuple(found)
+
+    def _bounded_by(self, knot: int, order: int, joint: int) -> tuple[str, str]:
+        """The limit that bounds a variable: at a via point the distance by which it may be missed."""
+        near = order == 0 and knot in self.via
+        return (NEAR if near else f"{QUANTITIES[order]}-limit"), self.joints[joint]
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
@@ -192,7 +204,7 @@ class Knots:
         point = np.full(self.via[-1] + 1, -1)
         point[list(self.via)] = np.arange(len(self.points))
         held = (order == 0) & (point[knot] >= 0)
-        middle, room = self.points[point[knot[held]], joint[held]], self.tolerance[joint[held]]
+        middle, room = (table[point[knot[held]], joint[held]] for table in (self.points, self.tolerance))
         low[held], high[held] = np.maximum(low[held], middle - room), np.minimum(high[held], middle + room)
         return low, high
 
@@ -265,12 +277,17 @@ class Knots:
     def guess(self, rng: np.random.Generator, ways: Ways | None = None) -> Array:
         """A start within the bounds, a little slower than a shortest motion with stops.
 
-        From stop to stop it is a cubic spline through the via points between; where there are none, straight. Where
-        ``ways`` know a motion it is that in its place.
+        From stop to stop it is a cubic spline through the via points between; where there are none, straight; along
+        stretches as they are. Where ``ways`` know a motion it is that in its place.
         """
         durations, states = self.waits.copy(), self.places[1].copy()
-        halts = [0, *sorted({*self.stops, *self.dwells}), len(self.legs)]
+        given = {stretch.first: stretch for stretch in self.stretches}
+        ends = {i for s in self.stretches for i in (s.first, s.first + len(s.times))}
+        halts = sorted({0, *self.stops, *self.dwells, *ends, len(self.legs)})
         for begin, end in pairwise(halts):
+            if begin in given:
+                self._along(given[begin], rng.uniform(*SLOWER_ALONE), durations, states)
+                continue
             alone = end == begin + 1
             slower = rng.uniform(*(SLOWER_ALONE if alone else SLOWER), size=end - begin)
             if alone:
@@ -302,6 +319,17 @@ class Knots:
         inner = np.append(0.0, np.cumsum(durations[first:last]))[1:-1]
         for order in range(3):
             states[first + 1 : last, order] = spline(inner, order)
+
+    def _along(self, stretch: Stretch, slower: float, durations: Array, states: Array) -> None:
+        """Puts the legs of a stretch, made slower, into durations and states."""
+        legs = self.legs[stretch.first : stretch.first + len(stretch.times)]
+        first, last = legs[0].start, legs[-1].stop
+        durations[first:last] = np.repeat(stretch.times * slower / self.pieces, self.pieces)
+        inner = np.append(0.0, np.cumsum(durations[first:last]))[:-1]
+        found = stretch.states(inner / slower)
+        states[[first, last], 0] = self.points[[stretch.first, stretch.first + len(legs)]]
+        for order in range(3):
+            states[first + 1 : last, order] = found[order, 1:] / slower**order
 
     def _follow(self, i: int, motion: Rounded, durations: Array, states: Array) -> None:
         """Puts legs from leg i on along a motion, into durations and states."""

@@ -39,6 +39,7 @@ def levels_of(
     *,
     finest: int | None = None,
     gain: float = GAIN,
+    coarsest: int = 1,
 ) -> Problem:
     """The problem with so many pieces a leg, solved by levels: each has some whole number of times the coarser's.
 
@@ -50,10 +51,14 @@ def levels_of(
             control points, which is found from any guess, before those are let go.
         finest: refinement goes on by halves from ``pieces`` up to at most so many; None for a problem that stays.
         gain: of ``Levels``.
+        coarsest: number of pieces below which no level is, where there is no ``finest``.
     """
     sizes = [pieces]
     while finest is None and sizes[0] > 1:
-        sizes.insert(0, sizes[0] // next(factor for factor in range(2, sizes[0] + 1) if sizes[0] % factor == 0))
+        fewer = sizes[0] // next(factor for factor in range(2, sizes[0] + 1) if sizes[0] % factor == 0)
+        if fewer < coarsest:
+            break
+        sizes.insert(0, fewer)
     while finest is not None and 2 * sizes[-1] <= finest:
         sizes.append(2 * sizes[-1])
     # A start for others has to be found from any guess: its limits are held at control points, whatever that costs.

@@ -6,11 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import casadi
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
+from ocp_traj.arrays import Array
 from ocp_traj.errors import ProblemDefinitionError
-from ocp_traj.formulation.requirements import Expression
+from ocp_traj.formulation.requirements import Expression, State
 
 Rule = tuple[tuple[float, float], ...]
 """Nodes and weights ((u_r, w_r), ..) on a segment of unit length."""
@@ -42,6 +44,17 @@ def rule_name(rule: Rule) -> str:
     return f"{len(rule)} nodes"
 
 
+@dataclass(frozen=True)
+class SumOfSquares:
+    """The integrand that is the sum of squares of an expression's rows; its curvature then costs half as much."""
+
+    rows: Expression
+
+    def __call__(self, state: State) -> Any:
+        """Its value."""
+        return casadi.sumsqr(self.rows(state))
+
+
 @dataclass(frozen=True, eq=False)
 class Objective:
     """A quantity to be made small (or large): exactly one way of computing it is given.
@@ -52,7 +65,9 @@ class Objective:
         scale: what a weighted sum divides it by: sum_k w_k f_k / scale_k.
         sense: ``min`` or ``max``.
         eq: equation of the source.
-        integrand: of the state; the objective is sum_k T_k sum_r w_r integrand(state(k, u_r)).
+        integrand: of the state, best a ``SumOfSquares`` where it is one; the objective is
+            sum_k T_k sum_r w_r integrand(state(k, u_r)).
+        constants: of an integrand, per segment ``(K, n_c)``, reaching it as ``state.c``.
         quadrature: the rule ((u_r, w_r), ..) on a segment of unit length; ``GAUSS`` if not given.
         of_variables: (x, p) -> scalar.
         variation: of the state, linear in q; the objective is the total variation of its rows, sum_r int |dg_r/dt| dt.
@@ -69,6 +84,7 @@ class Objective:
     of_variables: Callable[[Any, Any], Any] | None = None
     terms: Mapping[str, float] | None = None
     variation: Expression | None = None
+    constants: Array | None = None
 
     def __post_init__(self) -> None:
         """Checks that the objective is given in exactly one way."""
@@ -79,6 +95,8 @@ class Objective:
             )
         if self.quadrature and self.integrand is None:
             raise ProblemDefinitionError(f"objective {self.id!r}: a quadrature rule is for an integrand; leave it out")
+        if self.constants is not None and self.integrand is None:
+            raise ProblemDefinitionError(f"objective {self.id!r}: constants are for an integrand; leave them out")
         if self.integrand is not None and not self.quadrature:
             object.__setattr__(self, "quadrature", GAUSS)
         if self.sense not in ("min", "max"):

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
+from ocp_traj.curves.motion import Motion
 from ocp_traj.display import Shown, count
 from ocp_traj.errors import ProblemDefinitionError, UnknownName, cut, quoted
 from ocp_traj.formulation.about import About
@@ -37,6 +38,8 @@ class Variable:
         slack_of: the objective of which the block is a slack: bounded by limits, and no part of the curve, such as the
             least clearance where clearance is maximised. At its lower bound it tightens no limit, and it is fixed there
             unless that objective is traded. Empty for a variable of the curve.
+        bounded_by: (id, label) of the limit that gives each entry its bounds, perhaps in another unit; empty where the
+            bounds are the block's own.
     """
 
     id: str
@@ -46,6 +49,7 @@ class Variable:
     labels: tuple[str, ...]
     eq: str = ""
     slack_of: str = ""
+    bounded_by: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         """Checks shapes and bounds."""
@@ -56,6 +60,10 @@ class Variable:
             raise ProblemDefinitionError(
                 f"variable {self.id!r}: bounds {lower.shape} and {upper.shape} for {len(self.labels)} labels; "
                 "give one of each per label"
+            )
+        if self.bounded_by and len(self.bounded_by) != len(self.labels):
+            raise ProblemDefinitionError(
+                f"variable {self.id!r}: {len(self.bounded_by)} limits for {len(self.labels)} labels; give one per label"
             )
         for label, low, high in zip(self.labels, lower, upper, strict=True):
             if not low <= high:
@@ -126,6 +134,8 @@ class Problem(Shown):
         alternatives: where the problem leaves a discrete choice open, the problem of each choice, by its name; they
             differ in nothing but the case and the curve. The problem itself is then the first of them.
         decomposition: solution by parts, as a paper does, in place of the whole.
+        variables_of: motion -> x of it, the inverse of ``curve`` and ``parameters``, for starts; None where it has to
+            be found by search.
         tighten_slacks: x -> x with the slacks of objectives at what its curve really has.
         tuning: how it is solved well.
         levels: the problems of the same motion with fewer and more pieces, by which it is solved; None for none.
@@ -149,6 +159,7 @@ class Problem(Shown):
     best_values: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     alternatives: Mapping[str, Problem] = field(default_factory=dict)
     decomposition: Decomposition | None = None
+    variables_of: Callable[[Motion], Array] | None = None
     tighten_slacks: Callable[[Array], Array] | None = None
     tuning: Tuning = Tuning()
     levels: Levels | None = None

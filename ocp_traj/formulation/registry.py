@@ -15,7 +15,10 @@ from ocp_traj.errors import InputError, UnknownName, quoted
 from ocp_traj.formulation.case import convert
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.summary import Summary
+from ocp_traj.formulation.task import Task
+from ocp_traj.formulation.task_file import changed, task_of, told
 
+AND = " + "  # between a problem's id and what is added to it in Python
 GROUP = "ocp_traj.problems"  # entry points NAME = "module", of modules that have ``build`` and ``Case``
 
 # A new paper is one file in problems/ and one name here.
@@ -90,6 +93,13 @@ def entry(id: str) -> Entry:
     if id in found:
         module = import_module(found[id])
         return Entry(module.build, module.Case, module, getattr(module, "make", None))
+    own, with_, additions = id.partition(AND)
+    if with_ and own in found:
+        raise UnknownName(
+            f"{quoted(id)} has what no file holds, {additions}, added to {own} in Python: nothing is known of it here; "
+            "audit the trajectory with that problem, ocp_traj.audit(trajectory, problem.requirements), or give the "
+            "problem the id module:function of what makes it (ocp_traj.with_id)"
+        )
     name, _, function = id.partition(":")
     if all(part.isidentifier() for part in (*name.split("."), function)):
         return _importable(name, function)
@@ -99,7 +109,7 @@ def entry(id: str) -> Entry:
 
 
 def _importable(name: str, function: str) -> Entry:
-    """The problem of a function ``(case: Case) -> Problem`` or ``() -> Problem``.
+    """The problem of a function ``(case: Case) -> Problem``, ``(task: Task = TASK) -> Problem`` or ``() -> Problem``.
 
     The id may come from a file: no function is called that is not annotated to make a problem.
     """
@@ -110,13 +120,25 @@ def _importable(name: str, function: str) -> Entry:
     except (ImportError, AttributeError, NameError, TypeError, ValueError) as error:
         raise UnknownName(f"there is no problem {quoted(f'{name}:{function}')}: {error}") from error
     given = hints.get(taken[0]) if taken else make_dataclass("Case", ())
+    if given is Task and hints.get("return") is Problem and len(taken) == 1:
+        default = signature(build).parameters[taken[0]].default
+        return Entry(build, Task, module, lambda id, changes: _task(id, changes, default))
     cases = [kind for kind in get_args(given) or (given,) if isinstance(kind, type) and is_dataclass(kind)]
     if hints.get("return") is not Problem or len(taken) > 1 or not cases:
         raise UnknownName(
             f"{quoted(f'{name}:{function}')} makes no problem; give a function that is annotated (case: Case) -> "
-            "Problem, of a dataclass Case, or () -> Problem"
+            "Problem, of a dataclass Case, (task: Task = TASK) -> Problem, or () -> Problem"
         )
     return Entry(build if taken else lambda case: build(), cases[0], module)
+
+
+def _task(id: str, changes: dict[str, Any], default: Any) -> Task:
+    """The task of a file, which has all its fields, or the default one with values by dotted place."""
+    if {"robot", "move"} <= changes.keys():
+        return task_of(changes)
+    if not isinstance(default, Task):
+        raise InputError(f"{id} takes a task and has none by default; give it one")
+    return changed(default, changes)
 
 
 def case_class(id: str) -> Any:
@@ -134,13 +156,20 @@ def load(id: str, **changes: Any) -> Problem:
     """Builds a problem, with fields of its case changed.
 
     Args:
-        id: of the problem; ``task`` is that of a task file, ``load("task", file="arm.toml")``, whose further changes
-            are values by dotted place, such as ``{"robot.payload.mass": 2.0}``.
+        id: of the problem; ``task`` is that of a task file, ``load("task", file="arm.toml")``, or of one built in code,
+            ``load("task", task=ot.Task(..))``, whose further changes are values by dotted place, such as
+            ``{"robot.payload.mass": 2.0}``.
         changes: case fields; lists become tuples, whole numbers floats where the default is one.
     """
     found = entry(id)
     if found.make is not None:
-        return found.build(found.make(id, changes))
+        case = found.make(id, changes)
+        try:
+            return found.build(case)
+        except InputError as error:
+            if "file" not in changes:
+                raise
+            raise told(error, case.name, changes["file"]) from error
     return found.build(found.case(**convert(id, found.case, changes)))
 
 

@@ -5,6 +5,7 @@ The composition of two polynomials is a polynomial, so that a retimed path is so
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -23,7 +24,9 @@ BACK = 1e-6  # [units of the joints a second] by which a motion may run back alo
 FORWARD = "forward"  # id of the limit that keeps it from doing so
 
 
-def retiming(path: JointPath, limits: JointLimits, *, pieces: int = 8, rest: int = 1) -> Parametrisation:
+def retiming(
+    path: JointPath, limits: JointLimits, *, pieces: int = 8, rest: int = 1, units: Sequence[str] = ("rad",)
+) -> Parametrisation:
     """A motion along a path; durations and derivatives of the time law at knots are variables.
 
     Knots cut each piece of the path into equal steps of its parameter, shorter towards an end at rest. The law is of C1
@@ -35,6 +38,7 @@ def retiming(path: JointPath, limits: JointLimits, *, pieces: int = 8, rest: int
         limits: of the joints.
         pieces: segments from one point of the path to the next.
         rest: derivatives of the joints that vanish at both ends, 0 to 3.
+        units: of the joints, "rad" or "m".
 
     Raises:
         InputError: names the limit that the path itself breaks, or that no law can keep on it.
@@ -56,10 +60,10 @@ def retiming(path: JointPath, limits: JointLimits, *, pieces: int = 8, rest: int
             f"of degree {degree}; allowed are {HIGHEST_DEGREE}: give its points instead, which cubics go through, or "
             "leave out the highest limit"
         )
-    return _parametrisation(law)
+    return _parametrisation(law, " or ".join(f"{unit}/s" for unit in dict.fromkeys(units)))
 
 
-def _parametrisation(law: TimeLaw) -> Parametrisation:
+def _parametrisation(law: TimeLaw, unit: str) -> Parametrisation:
     count = law.count
 
     def duration(x: Any) -> Any:
@@ -78,12 +82,12 @@ def _parametrisation(law: TimeLaw) -> Parametrisation:
         hull_rows=(1, 2, 3, 4),
         scales_in_time=False,
         duration=duration,
-        limits=(forward(law),),
+        limits=(forward(law, unit),),
         refine=lambda x, parts: law.refined(replace(law, pieces=law.pieces // parts), x),
     )
 
 
-def forward(law: TimeLaw) -> PathConstraint:
+def forward(law: TimeLaw, unit: str = "rad/s") -> PathConstraint:
     """The limit that the motion does not run back along its path, but for ``BACK``.
 
     A law that ran back could leave its segment, and the motion its path. On each segment the limit is on the velocity
@@ -94,7 +98,7 @@ def forward(law: TimeLaw) -> PathConstraint:
         return casadi.dot(state.v, state.c)
 
     low, high = np.array([-BACK]), np.array([np.inf])
-    return PathConstraint(FORWARD, speed, low, high, ("-/s",), ("speed",), constants=law.cut.directions)
+    return PathConstraint(FORWARD, speed, low, high, (unit,), ("speed",), constants=law.cut.directions)
 
 
 def _check_smooth(path: JointPath, highest: int) -> None:

@@ -42,7 +42,8 @@ class Conflict:
         row: the limit's row.
         value: what the least-violating point gives [row.unit].
         bound: what the limit allows [row.unit].
-        excess: by how much it is exceeded, >= 0; 0 for a limit that is met but stands in the way of the others.
+        excess: by how much it is exceeded, >= 0, and would have to give where all others in conflict give what they are
+            said to; 0 for a limit that is met but stands in the way of the others.
         words: what that means, where the problem can say it better than the numbers.
     """
 
@@ -52,6 +53,11 @@ class Conflict:
     excess: float
     words: str = ""
 
+    @property
+    def share(self) -> float | None:
+        """The excess as a share of the bound; None of a bound of zero."""
+        return self.excess / abs(self.bound) if self.bound else None
+
     def __str__(self) -> str:
         """The limit, where, and by how much."""
         if self.words:
@@ -60,7 +66,7 @@ class Conflict:
         place = f"u = {self.row.instant:.3f}" if self.row.control is None else f"control point {self.row.control}"
         where = f" at segment {self.row.segment}, {place}" if self.row.segment >= 0 else ""
         if self.excess > 0.0:
-            return (
-                f"{name}{where}: {self.value:.6g}, allowed {self.bound:.6g} {self.row.unit} (off by {self.excess:.3g})"
-            )
+            off = f"{self.excess:.3g} {self.row.unit}".rstrip(" -")
+            off += f", {100.0 * self.share:.3g} %" if self.share is not None else ""
+            return f"{name}{where}: {self.value:.6g}, allowed {self.bound:.6g} {self.row.unit} (off by {off})"
         return f"{name}{where}: held at its bound {self.bound:.6g} {self.row.unit}"

@@ -189,7 +189,8 @@ def free_payload(problem: Problem, most: float, likely: float, eq: str = "") -> 
         likely: random starts have up to this [kg].
         eq: equation of the source.
     """
-    n, dilate, parameters, tighten = problem.size, problem.dilate, problem.parameters, problem.tighten_slacks
+    n, dilate, read = problem.size, problem.dilate, problem.variables_of
+    parameters, tighten = problem.parameters, problem.tighten_slacks
     mass = Variable("payload", np.zeros(1), np.array([most]), "kg", ("payload",), eq)
     largest = Objective("payload_mass", "kg", 10.0, "max", eq, of_variables=lambda x, p: p[0])
     return replace(
@@ -202,4 +203,5 @@ def free_payload(problem: Problem, most: float, likely: float, eq: str = "") -> 
         dilate=dilate and (lambda x, s: np.append(dilate(x[:n], s), x[n:])),
         scales_in_time=False,
         tighten_slacks=tighten and (lambda x: np.append(tighten(x[:n]), x[n:])),
+        variables_of=read and (lambda motion: np.append(read(motion), motion.parameters.get("payload", 0.0))),
     )

@@ -14,7 +14,7 @@ from ocp_traj.curves.families import at_rest
 from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.problem import Variable
 from ocp_traj.formulation.requirements import ORDERS
-from ocp_traj.robot.joint_limits import JointLimits
+from ocp_traj.robot.joint_limits import QUANTITIES, JointLimits
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,8 @@ class Tags:
         for tag, k in self.blocks:
             labels = tuple(f"{tag} {ORDERS[k]} {joint}" for joint in self.joints)
             low, high = np.array(self.limits.bounds(k)) * self.unit**k
-            found.append(Variable(f"{ORDERS[k]} at {tag}", low, high, unit, labels, eq))
+            limits = tuple((f"{QUANTITIES[k]}-limit", joint) for joint in self.joints)
+            found.append(Variable(f"{ORDERS[k]} at {tag}", low, high, unit, labels, eq, bounded_by=limits))
         return tuple(found)
 
     def states(self, x: Any) -> list[Any]:

@@ -115,7 +115,7 @@ class Clear:
 
 
 def with_clearance(
-    problem: Problem, clear: Clear, made: Parametrisation, points: Sequence[tuple[str, Array]]
+    problem: Problem, clear: Clear, made: Parametrisation, points: Sequence[tuple[str, Array]], *, bent: bool = True
 ) -> Problem:
     """A problem with limits on distances; where there are obstacles, with their clearance as an objective as well.
 
@@ -124,16 +124,16 @@ def with_clearance(
         clear: the limits.
         made: its curve.
         points: that every motion passes, in words and ``(dof,)``.
+        bent: whether starts may leave the way between points, to go around.
     """
-    guess = (
-        around(made, problem.robot.limits, clear.room) if made.refine is None and len(made.legs[0]) > 1 else made.guess
-    )
+    own_guess = not bent or made.refine is not None or len(made.legs[0]) == 1
+    guess = made.guess if own_guess else around(made, problem.robot.limits, clear.room)
     requirements = problem.requirements
     if not clear.keeps_off_obstacles:
         requirements = replace(requirements, clearance_constraints=clear.constraints)
         rows = clear.rows(requirements.parameters)
         return replace(problem, requirements=requirements, chosen_limits=rows, guess=guess)
-    n, dilate, parameters = problem.size, problem.dilate, problem.parameters
+    n, dilate, parameters, read = problem.size, problem.dilate, problem.parameters, problem.variables_of
     (asked,) = (c.clearance for c in clear.constraints if c.id == OBSTACLES)
     most = max(clear.most([q for _, q in points]), asked + ROOM)
     margin = Variable("margin", np.array([asked]), np.array([most]), "m", ("least clearance",), slack_of=CLEARANCE)
@@ -156,6 +156,7 @@ def with_clearance(
         guess=lambda rng: np.append(guess(rng), asked),
         dilate=dilate and (lambda x, s: np.append(dilate(x[:n], s), x[n:])),
         scales_in_time=False,
+        variables_of=read and (lambda motion: np.append(read(motion), motion.parameters.get(CLEARANCE, asked))),
         reference_point={**problem.reference_point, CLEARANCE: asked},
         tighten_slacks=tighten,
         chosen_limits=clear.rows(requirements.parameters),

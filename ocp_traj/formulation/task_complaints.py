@@ -13,12 +13,22 @@ from ocp_traj.errors import cut, nearest, quoted
 
 LATER = "is not built in this version"  # of what the format has beyond it
 
+# Keys that the program writes into trajectories, and nobody into a file.
+RESOLVED = ("source", "numbers", "geometry", "bodies", "pairs", "own_pairs", "touching")
+HEADER = re.compile(r"""^\s*\[\[?\s*["']?[A-Za-z_][\w."' -]*\]""")  # of a table; no row of numbers
+SPOKEN = re.compile(r"\[(\[?)(\w+)\]\]?(?: (\d+))?:? ?([a-z_.]*)")  # a place as a complaint names it
+
 Place = tuple[int | str, ...]
 
 
+class PartOf(ValueError):
+    """What is wrong with an entry of a list, which is then told in place of the whole list."""
+
+
 def allowed_in(cls: type[BaseModel]) -> tuple[str, ...]:
-    """Names that a table may have, those of later versions left out."""
-    return tuple(field.alias or name for name, field in cls.model_fields.items() if field.description)
+    """Names that a table of a file may have, those of later versions left out."""
+    names = ((field.alias or name, field) for name, field in cls.model_fields.items())
+    return tuple(name for name, field in names if field.description and name not in RESOLVED)
 
 
 def complaint(
@@ -48,6 +58,8 @@ def complaint(
         words = str(error["ctx"]["error"])
         if words == LATER:
             return f"{where} {LATER}; leave it out"
+        if isinstance(error["ctx"]["error"], PartOf):
+            return f"{where}: {words}; give {description}"
         if _model(root, place) is not None and isinstance(value, Mapping | BaseModel):
             return f"{where} {words}"
     return f"{where} is {_shown(value)}; give {description or error['msg']}"
@@ -128,6 +140,25 @@ def _description(root: type[BaseModel], place: Place) -> str:
     return ""
 
 
+def located(words: str, task: str, file: str, text: str) -> str:
+    """A complaint of a task, which names it and a place in it, as one of its file with the line of that place.
+
+    Args:
+        words: such as "my-arm: [limits] jerk has 2 numbers".
+        task: its name.
+        file: in place of that.
+        text: of the file.
+    """
+    if words.startswith(file):
+        return words
+    said = words.removeprefix(f"{task}: ")
+    if (place := SPOKEN.search(said)) is None:
+        return f"{file}: {said}"
+    several, table, number, key = place.groups()
+    keys: Place = (table, *((int(number or 1) - 1,) if several else ()), *filter(None, key.split(".")))
+    return f"{file}{line_of(text, keys)}: {said}"
+
+
 def line_of(text: str, place: Place) -> str:
     """A colon and the line on which the innermost key of a place stands that is written down, or nothing.
 
@@ -144,7 +175,7 @@ def line_of(text: str, place: Place) -> str:
         heads = [i for i, line in enumerate(lines) if pattern.match(line)]
         if heads:
             begin = heads[number] if number < len(heads) else heads[0]
-            end = next((i for i in range(begin + 1, len(lines)) if re.match(r"^\s*\[", lines[i])), len(lines))
+            end = next((i for i in range(begin + 1, len(lines)) if HEADER.match(lines[i])), len(lines))
             found = f":{begin + 1}"
             continue
         inside = re.compile(rf"""(?:^|[\s{{,.])["']?{re.escape(key)}["']?\s*[=.]""")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +14,7 @@ from pydantic import ValidationError
 from ocp_traj.errors import FileFormatError, InputError, cut, quoted
 from ocp_traj.files import LONGEST_PATH, read_text
 from ocp_traj.formulation.task import FORMAT, Source, Task
-from ocp_traj.formulation.task_complaints import complaint, line_of
+from ocp_traj.formulation.task_complaints import complaint, line_of, located
 
 NO_PLACE = "is no place in a task; give one such as robot.payload.mass or move.0.via"
 
@@ -33,16 +34,35 @@ def read_task(path: str | Path, changes: Mapping[str, Any] | None = None) -> Tas
     try:
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
-        raise FileFormatError(f"{name} is not a task file: not TOML ({cut(str(error), 200)})") from error
+        raise FileFormatError(_not_toml(cut(str(error), 200), name)) from error
     if (kind := data.get("format")) != FORMAT:
         raise FileFormatError(f'{name} is not a task file: its format is {quoted(kind)}; write format = "{FORMAT}"')
-    changed(data, changes or {})
+    put_all(data, changes or {})
     if "source" in data:
         raise FileFormatError(f"{name}{line_of(text, ('source',))}: source is not allowed here; leave it out")
     data.setdefault("name", Path(path).stem)
     task = task_of(data, name, text)
     digest = hashlib.sha256(text.encode()).hexdigest()
     return task.model_copy(update={"source": Source(file=Path(path).name, sha256=digest)})
+
+
+def _not_toml(words: str, name: str) -> str:
+    """What the reader says, with its line where every complaint has it, and tables as they are written."""
+    words = re.sub(r"\('(\w+)',\)", r"[\1]", words)
+    if (at := re.fullmatch(r"(.*) \(at line (\d+), column (\d+)\)", words)) is None:
+        return f"{name} is not a task file: not TOML ({words})"
+    return f"{name}:{at[2]}: this is not TOML: {at[1][0].lower()}{at[1][1:]} (column {at[3]})"
+
+
+def told(error: InputError, task: str, path: str | Path) -> InputError:
+    """What is wrong with the task of a file, with the file and the line.
+
+    Args:
+        error: of its resolution, or of its problem.
+        task: its name.
+        path: of the file.
+    """
+    return type(error)(located(str(error), task, cut(str(path), LONGEST_PATH), read_text(path, "task")))
 
 
 def task_of(data: Any, name: str = "the task", text: str = "") -> Task:
@@ -57,10 +77,18 @@ def task_of(data: Any, name: str = "the task", text: str = "") -> Task:
         raise FileFormatError(f"{name} is nested too deep") from error
 
 
-def changed(data: dict[str, Any], changes: Mapping[str, Any]) -> None:
+def put_all(data: dict[str, Any], changes: Mapping[str, Any]) -> None:
     """Puts values at dotted places of a task's plain values; text is read as TOML, as of ``read_task``."""
     for place, value in changes.items():
         _put(data, place, value)
+
+
+def changed(task: Task, changes: Mapping[str, Any]) -> Task:
+    """A task with values by dotted place in place of its own; see ``read_task``."""
+    data = task.fields()
+    for place, value in changes.items():
+        _put(data, place, value)
+    return task_of(data) if changes else task
 
 
 def _put(data: dict[str, Any], place: str, value: Any) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,11 +12,23 @@ import numpy as np
 import pinocchio as pin
 
 from ocp_traj.arrays import Array
+from ocp_traj.display import count
 from ocp_traj.errors import InputError, nearest, quoted
 from ocp_traj.formulation.collision_resolution import resolved_collision
-from ocp_traj.formulation.task import Derivatives, Held, MoveTable, Placement, RobotTable, Source, Task, Units
+from ocp_traj.formulation.move_path import resolved_path
+from ocp_traj.formulation.task import (
+    TOOL_WAYS,
+    Derivatives,
+    Held,
+    MoveTable,
+    Placement,
+    RobotTable,
+    Source,
+    Task,
+    Units,
+)
 from ocp_traj.formulation.task_values import share_of
-from ocp_traj.paths.path_points import read_points
+from ocp_traj.formulation.tool_moves import resolved_tool_move
 from ocp_traj.robot.descriptions import description_urdf
 from ocp_traj.robot.dh import robot_of_rows
 from ocp_traj.robot.dynamics import Friction
@@ -39,11 +53,13 @@ def resolve(task: Task, folder: Path) -> Task:
     if task.resolved:
         return task
     angle, length = ANGLES[task.units.angle], LENGTHS[task.units.length]
-    bare = _robot(task.robot, folder, angle, length, JointLimits(), False)
+    with _at(task, "[robot]", _keys_of(task.robot)):
+        bare = _robot(task.robot, folder, angle, length, JointLimits(), False)
     factor = np.array([angle if unit == "rad" else length for unit in bare.units])
     given, shares = _given_limits(task, bare, factor)
     own = task.limits.description and task.robot.dh is None and task.robot.numbers is None
-    robot = _robot(task.robot, folder, angle, length, given, own)
+    with _at(task, "[robot]", _keys_of(task.robot)):
+        robot = _robot(task.robot, folder, angle, length, given, own)
     limits = {name: robot.limits.bounds(name) for name in QUANTITIES}
     for name, share in shares.items():
         if (pair := limits[name]) is None or not own:
@@ -55,32 +71,78 @@ def resolve(task: Task, folder: Path) -> Task:
                 f'{task.name}: [limits] {name} is missing: no description holds it; give it, or "none" for no limit'
             )
     if (friction := task.robot.friction) is not None:
-        robot = replace(robot, friction=Friction(*(getattr(friction, name) for name in Friction._fields)))
+        with _at(task, "[robot]", {"": "friction"}):
+            robot = replace(robot, friction=Friction(*(getattr(friction, name) for name in Friction._fields)))
     robot = replace(robot, limits=JointLimits(**{name: pair for name, pair in limits.items() if pair is not None}))
     for i, move in enumerate(task.move):
         if move.goal is not None and (move.start is None) != (i > 0):
-            words = "has goal without start; give both" if i == 0 else "has start, but begins where the one before ends"
+            words = (
+                "has goal without start; give both" if i == 0
+                else "has start, but begins where the one before ends; leave start out"
+            )  # fmt: skip
             raise InputError(f"{task.name}: [[move]] {i + 1} {words}, or give via")
-    moves = [_resolved_move(move, task, folder, robot, factor, length) for move in task.move]
+    moves: list[MoveTable] = []
+    for i, move in enumerate(task.move):
+        with _of_move(task, i):
+            if any(getattr(move, way) is not None for way in TOOL_WAYS) or move.tool_path is not None:
+                before = np.array(moves[-1].via[-1]) if moves and moves[-1].via else None
+                along = resolved_tool_move(move, robot, before, angle, length)
+                moves.append(along.model_copy(update={"payload": _resolved_held(move.payload, length)}))
+                continue
+            moves.append(_resolved_move(move, task, folder, robot, factor, length))
     if (collision := task.collision) is not None:
         urdf = _urdf(task.robot, folder)
         collision = resolved_collision(collision, task.name, robot, urdf, folder, angle, length)
     payload = _resolved_held(task.robot.payload, length)
     start = task.solve.start
     if isinstance(start, str) and Path(start).suffix:
-        start = _path_points(folder / start, robot, factor).tolist()
+        start = resolved_path(start, folder, None, robot.joints, factor)[0].tolist()
     elif isinstance(start, str) and start not in STARTS:
         raise InputError(
             f"{task.name}: [solve] start is {quoted(start)}{nearest(start, STARTS)}; give {', '.join(STARTS)}, or the path "
             "of a .csv or .yaml file"
         )
+    waived = dict.fromkeys(QUANTITIES)
+    if task.limits.tool_speed is not None:
+        waived["tool_speed"] = task.limits.tool_speed * length
     changed = {
         "units": Units(), "robot": RobotTable(numbers=to_numbers(robot), payload=payload),
-        "limits": task.limits.model_copy(update={name: None for name in QUANTITIES}), "move": moves,
-        "collision": collision, "solve": task.solve.model_copy(update={"start": start}),
+        "limits": task.limits.model_copy(update=waived), "move": moves,
+        "collision": collision,
+        "solve": task.solve.model_copy(update={"start": start}),
         "source": task.source or Source(file="code", sha256=""),
     }  # fmt: skip
     return task.model_copy(update=changed)
+
+
+@contextmanager
+def _at(task: Task, table: str, keys: Mapping[str, str]) -> Iterator[None]:
+    """Complaints within name the task, the table and, by the words they begin with, the key they are of."""
+    try:
+        yield
+    except InputError as error:
+        words = str(error)
+        key = next(key for begin, key in keys.items() if words.startswith(begin))
+        raise type(error)(f"{task.name}: {table} {key}: {words}") from error
+
+
+@contextmanager
+def _of_move(task: Task, number: int) -> Iterator[None]:
+    """Complaints within name the task, and the move by its number."""
+    try:
+        yield
+    except InputError as error:
+        words, own = str(error).removeprefix(f"{task.name}: "), f"[[move]] {number + 1}"
+        key = "path: " if task.move[number].path is not None else ""
+        words = words.replace("[[move]]", own, 1) if "[[move]]" in words else f"{own}: {key}{words}"
+        raise type(error)(f"{task.name}: {words}") from error
+
+
+def _keys_of(robot: RobotTable) -> dict[str, str]:
+    """The key that a complaint about a robot is of, by the words it begins with."""
+    locked = {begin + repr(name): "locked" for name in robot.locked for begin in ("", "joint ")}
+    by = next(name for name in ("description", "urdf", "dh", "numbers") if getattr(robot, name) is not None)
+    return {repr(robot.tool_frame): "tool_frame", **locked, "": by}
 
 
 def _robot(table: RobotTable, folder: Path, angle: float, length: float, limits: JointLimits, own: bool) -> Robot:
@@ -157,15 +219,14 @@ def _given_limits(task: Task, robot: Robot, factor: Array) -> tuple[JointLimits,
                 np.array([fill if v is None else v for v in side], dtype=float)
                 for side, fill in zip(value, (-infinite, infinite), strict=True)
             )
-        elif name == "position":
-            raise InputError(f"{task.name}: [limits] position needs two lists, lower and upper, one number a joint")
         else:
             each = value if isinstance(value, list) else [value] * n
             high = np.array([infinite if v is None else v for v in each], dtype=float)
             low = -high
         if low.shape != (n,) or high.shape != (n,):
             raise InputError(
-                f"{task.name}: [limits] {name} has {max(low.size, high.size)} numbers; the robot has {n} joints: "
+                f"{task.name}: [limits] {name} has {low.size if low.size != n else high.size} numbers; the robot has "
+                f"{n} joints: "
                 f"{', '.join(robot.joints)}"
             )
         scale = 1.0 if name == "effort" else factor
@@ -182,39 +243,40 @@ def _resolved_held(held: Held | None, length: float) -> Held | None:
 
 def _resolved_move(move: MoveTable, task: Task, folder: Path, robot: Robot, factor: Array, length: float) -> MoveTable:
     if move.path is not None:
-        points = _path_points(folder / move.path, robot, factor)
+        points, geometry = resolved_path(move.path, folder, move.point, robot.joints, factor)
     else:
+        geometry = move.geometry
         rows = move.via if move.via is not None else [row for row in (move.start, move.goal) if row is not None]
         if wrong := [row for row in rows if len(row) != robot.size]:
             raise InputError(
-                f"{task.name}: a point of [[move]] has {len(wrong[0])} coordinates; the robot has {robot.size} joints: "
+                f"{task.name}: [[move]] has a point of {count(len(wrong[0]), 'coordinate')}; the robot has "
+                f"{robot.size} joints: "
                 f"{', '.join(robot.joints)}"
             )
         points = np.array(rows) * factor
         for i in np.flatnonzero((np.diff(points, axis=0) == 0.0).all(axis=1)).tolist():
             raise InputError(
-                f"{task.name}: points {i + 1} and {i + 2} of [[move]] are the same; leave one of them out (to stand "
+                f"{task.name}: [[move]]: points {i + 1} and {i + 2} are the same; leave one of them out (to stand "
                 "still is a dwell)"
             )
-    changed: dict[str, Any] = {"via": points.tolist(), "start": None, "goal": None, "path": None}
+    changed: dict[str, Any] = {"via": points.tolist(), **dict.fromkeys(("start", "goal", "path", "point"))}
+    changed["geometry"] = geometry
     changed["payload"] = _resolved_held(move.payload, length)
     tolerance = np.broadcast_to(np.asarray(move.tolerance, dtype=float), np.shape(move.tolerance) or ())
-    if tolerance.shape not in ((), (robot.size,)) or (tolerance < 0.0).any():
-        raise InputError(f"{task.name}: the tolerance of [[move]] is {move.tolerance}; give numbers from 0 up")
+    if tolerance.shape not in ((), (robot.size,)):
+        raise InputError(
+            f"{task.name}: [[move]]: tolerance has {tolerance.size} numbers; the robot has {robot.size} joints"
+        )
     changed["tolerance"] = (np.broadcast_to(tolerance, (robot.size,)) * factor).tolist() if tolerance.any() else 0.0
     for side in ("begin", "end"):
         table = getattr(move, side)
         if table is not None:
             given = {k: v for k, v in dict(table).items() if v is not None}
-            if any(len(v) != robot.size for v in given.values()):
-                raise InputError(f"{task.name}: {side} of [[move]] needs {robot.size} numbers, one a joint")
+            for name, row in given.items():
+                if len(row) != robot.size:
+                    numbers = count(len(row), "number")
+                    raise InputError(
+                        f"{task.name}: [[move]]: {side}.{name} has {numbers}; the robot has {robot.size} joints"
+                    )
             changed[side] = Derivatives(**{k: (np.array(v) * factor).tolist() for k, v in given.items()})
     return move.model_copy(update=changed)
-
-
-def _path_points(path: Path, robot: Robot, factor: Array) -> Array:
-    """Points of a file ``(N, dof)``: a table's are in the task's units, a ROS message's in SI; none twice in a row."""
-    points, places = read_points(path, robot.joints)
-    for i in np.flatnonzero((np.diff(points, axis=0) == 0.0).all(axis=1)).tolist():
-        raise InputError(f"{places[i]} and {places[i + 1]} are the same; leave one of them out")
-    return points * factor if path.suffix.lower() == ".csv" else points

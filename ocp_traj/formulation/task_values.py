@@ -6,9 +6,12 @@ from math import isfinite
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict
 
-from ocp_traj.formulation.task_complaints import LATER
+from ocp_traj.display import count
+from ocp_traj.errors import InputError, quoted
+from ocp_traj.formulation.task_complaints import LATER, PartOf
+from ocp_traj.robot.inertias import inertia_matrix
 
 LARGEST = 1e12  # of a number in a task: our choice, beyond any robot
 SMALLEST = 1e-9  # of a limit that is not zero: our choice, below any robot's
@@ -45,6 +48,11 @@ def _row(value: Any) -> Any:
     value = _plain(value)
     if not isinstance(value, list) or not value:
         raise ValueError("no list of numbers")
+    for i, entry in enumerate(value):
+        try:
+            _number(entry)
+        except ValueError as error:
+            raise PartOf(f"number {i + 1} is {quoted(entry)}") from error
     return [_number(v) for v in value]
 
 
@@ -52,9 +60,14 @@ def _rows(value: Any) -> Any:
     value = _plain(value)
     if not isinstance(value, list) or not 1 <= len(value) <= MOST_POINTS:
         raise ValueError("no list of rows")
-    rows = [_row(v) for v in value]
-    if len({len(row) for row in rows}) > 1:
-        raise ValueError("rows of different lengths")
+    rows = []
+    for i, row in enumerate(value):
+        try:
+            rows.append(_row(row))
+        except PartOf as error:
+            raise PartOf(f"point {i + 1}, {error}") from error
+        if len(rows[-1]) != len(rows[0]):
+            raise PartOf(f"point {i + 1} has {count(len(rows[-1]), 'number')}, the first has {len(rows[0])}")
     return rows
 
 
@@ -68,6 +81,26 @@ def _each(value: Any) -> Any:
     """A number for all joints, or a list, one a joint."""
     value = _plain(value)
     return _row(value) if isinstance(value, list) else _number(value)
+
+
+def _each_from_0(value: Any) -> Any:
+    if np.min(value := _each(value)) < 0.0:
+        raise ValueError("below zero")
+    return value
+
+
+def _true_or_false(value: Any) -> Any:
+    if not isinstance(value, bool | np.bool_):
+        raise ValueError("neither true nor false")
+    return bool(value)
+
+
+def _inertia(value: Any) -> Any:
+    try:
+        inertia_matrix(row := _row(value))
+    except InputError as error:
+        raise ValueError("no inertia") from error
+    return row
 
 
 def _share(text: str) -> float | None:
@@ -89,9 +122,21 @@ def _bound(value: Any) -> Any:
         return value.strip()
     if isinstance(value, list) and len(value) == 2 and all(isinstance(v, list) for v in value):
         return [[_side(v) for v in side] for side in value]
-    if isinstance(value, list):
-        return [_side(v) for v in value]
+    if isinstance(value, list) and value:
+        sides = [_side(v) for v in value]
+        for i, side in enumerate(sides):
+            if side is not None and not side > 0.0:
+                raise PartOf(f"number {i + 1} is {side:g}, not above zero")
+        return sides
     return _side(_positive(value))
+
+
+def _range(value: Any) -> Any:
+    """A bound that is not symmetric: two lists; "50 %"; "none"."""
+    value = _bound(value)
+    if not isinstance(value, str) and not (isinstance(value, list) and isinstance(value[0], list)):
+        raise ValueError("not two lists")
+    return value
 
 
 def _side(value: Any) -> float | None:
@@ -123,6 +168,18 @@ def _start(value: Any) -> Any:
     return _rows(value)
 
 
+def _different(value: list[str]) -> list[str]:
+    if len(set(value)) < len(value):
+        raise ValueError("one of them twice")
+    return value
+
+
+def _some(value: Any) -> Any:
+    if value == {}:
+        raise ValueError("empty")
+    return value
+
+
 def _later(value: Any) -> Any:
     raise ValueError(LATER)
 
@@ -134,12 +191,18 @@ Row = Annotated[list[float], BeforeValidator(_row)]
 Rows = Annotated[list[list[float]], BeforeValidator(_rows)]
 Three = Annotated[list[float], BeforeValidator(_three)]
 Start = Annotated[Any, BeforeValidator(_start)]
+Inertia = Annotated[list[float], BeforeValidator(_inertia)]
+Truth = Annotated[bool, BeforeValidator(_true_or_false)]
 Each = Annotated[Any, BeforeValidator(_each)]
+EachFrom0 = Annotated[Any, BeforeValidator(_each_from_0)]
 Bound = Annotated[Any, BeforeValidator(_bound)]
+Range = Annotated[Any, BeforeValidator(_range)]
 Later = Annotated[Any, BeforeValidator(_later)]
 Whole = Annotated[int, BeforeValidator(_whole)]
+Different = Annotated[list[str], AfterValidator(_different)]
+Weights = Annotated[str | dict[str, Positive], AfterValidator(_some)]
 
-THREE = "three numbers [length]"
+THREE = "three numbers [m, or units.length]"
 PER_JOINT = "a number above zero for all joints, a list with one a joint, two such lists (lower, upper), "
 LIMIT = PER_JOINT + 'a share of the description\'s such as "50 %", or "none"'
 FREE = PER_JOINT + 'or "none"; no URDF holds it'

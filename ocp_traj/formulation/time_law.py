@@ -111,14 +111,17 @@ class TimeLaw:
         speed = self.limits.bounds(1)
         for order in range(1, self.rows):
             own = [k for k, m in self.free if m == order]
-            high = np.full(len(own), np.inf)
+            high, limits = np.full(len(own), np.inf), tuple[tuple[str, str], ...]()
             if order == 1 and speed is not None:  # what a knot's velocities allow
                 slopes = np.abs([self.arcs.at(min(k, self.count - 1), float(k == self.count), 1)[0] for k in own])
                 with np.errstate(divide="ignore"):
-                    high = (np.where(slopes > 0.0, np.maximum(-speed[0], speed[1]), np.inf) / slopes).min(axis=1)
+                    each = np.where(slopes > 0.0, np.maximum(-speed[0], speed[1]), np.inf) / slopes
+                high = each.min(axis=1)
+                limits = tuple(("velocity-limit", self.path.joints[j]) for j in each.argmin(axis=1))
             low = np.zeros(len(own)) if order == 1 else -high
             labels = tuple(f"{NAMES[order]}{k}" for k in own)
-            found.append(Variable(NAMES[order], low * self.unit**order, high * self.unit**order, "-", labels))
+            bounds = low * self.unit**order, high * self.unit**order
+            found.append(Variable(NAMES[order], *bounds, "-", labels, bounded_by=limits))
         return tuple(found)
 
     def laws(self, x: Any) -> tuple[Any, list[Any]]:

@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from ocp_traj.errors import FileFormatError, InputError, nearest, quoted
 from ocp_traj.formulation.task import FORMAT
-from ocp_traj.formulation.task_file import changed, task_of
+from ocp_traj.formulation.task_file import put_all, task_of
 from ocp_traj.io.motion_request import Request, read_request
 from ocp_traj.io.planning_scene import Held, Scene, Shape, held_bodies, read_scene
 from ocp_traj.io.toml_text import toml_lines, toml_value
@@ -89,7 +89,7 @@ def import_scene(
     table["move"] = [{"start": start, "goal": goal}]
     table["collision"] = _collision(scene, held, robot, folder, srdf)
     _scaled(table, request, given, str(request_file))
-    changed(table, given)
+    put_all(table, given)
     to_fill = tuple(f"limits.{name}" for name in ASKED if table.get("limits", {}).get(name) == TO_FILL)
     text = _text(table, [str(scene_file), str(request_file)], to_fill)
     filled = tomllib.loads(text)

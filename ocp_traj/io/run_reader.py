@@ -53,6 +53,8 @@ def load_run(folder: str | Path, problem: Problem | None = None) -> Front:
     table = read_front_csv(root / TABLE) if (root / TABLE).exists() or run["format"] == WITHOUT_JOURNAL else None
     try:
         chosen = _problem(root, run, problem)
+        if chosen.levels is not None:
+            chosen = _level(chosen, root / JOURNAL)
         keep_unproved = run["format"] == WITHOUT_JOURNAL or bool(run["keep_unproved"])
         empty = Front(
             chosen,
@@ -69,7 +71,7 @@ def load_run(folder: str | Path, problem: Problem | None = None) -> Front:
         raise
     except (InputError, TypeError, ValueError) as error:
         raise FileFormatError(f"{root / MANIFEST} does not describe a run: {error}") from error
-    if table is not None and list(table.columns) != list(empty.table.columns):
+    if table is not None and list(table.columns) not in (list(empty.table.columns), list(empty.full_table.columns)):
         raise FileFormatError(
             f"{root / TABLE}: its columns are {', '.join(table.columns)}; "
             f"those of {chosen.id} are {', '.join(empty.table.columns)}"
@@ -113,6 +115,15 @@ def _problem(root: Path, run: Mapping[str, Any], given: Problem | None) -> Probl
             f"{given.id} with the case {case_fields(given)}"
         )
     return given
+
+
+def _level(problem: Problem, journal: Path) -> Problem:
+    """The level of a problem whose front a run traced, all of it: a finer one has more variables."""
+    sizes = {len(point["x"]) for record in records(journal) for point in record.get("points", ())}
+    level = problem
+    while level.size not in sizes and level.levels is not None and level.levels.finer is not None:
+        level = level.levels.finer()
+    return level if level.size in sizes else problem
 
 
 def _proved(empty: Front, xs: Sequence[Array], keep_unproved: bool) -> Front:
@@ -198,7 +209,7 @@ def _compare(front: Front, table: pd.DataFrame, root: Path) -> None:
         *numbers, _, verdict = row
         file = trajectory_file(root / TRAJECTORIES, index)
         if (
-            not np.array_equal(numbers[len(names) :], point.x)
+            not (len(numbers) == len(names) or np.array_equal(numbers[len(names) :], point.x))
             or not _agree(dict(zip(names, numbers, strict=False)), point.objectives)
             or not _same(Trajectory.load(file), point.trajectory)
         ):

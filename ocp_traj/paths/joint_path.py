@@ -20,7 +20,7 @@ from ocp_traj.errors import InputError, quoted
 
 SAME = 1e-9  # of the path's length: points this close together are one, given twice
 SMOOTH = 1e-9  # of a derivative's largest value: a jump below it is rounding
-DEGREES = {3: 2, 5: 6}  # of splines, and how many points they need
+DEGREES = (3, 5)  # of splines
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,8 @@ class JointPath:
         """The spline through points ``(L + 1, dof)`` over chord length.
 
         Args:
-            points: two or more; not-a-knot ends take 4, of fewer the cubic is a parabola or a line. A quintic takes 6.
+            points: two or more; not-a-knot ends take ``degree + 1``: through fewer goes the one polynomial of least
+                degree, such as a line through two.
             joints: one name a joint.
             degree: 3 or 5: continuous up to the 2nd or 4th derivative.
             places: what messages call the points; their numbers, counted from 1, by default.
@@ -65,11 +66,8 @@ class JointPath:
             )
         if degree not in DEGREES:
             raise InputError(f"a path of degree {degree}; give {' or '.join(map(str, DEGREES))}")
-        if len(where) < DEGREES[degree]:
-            words = "" if degree == 3 else ", or a path of degree 3"
-            raise InputError(
-                f"a path of degree {degree} needs {DEGREES[degree]} points or more; got {len(where)}; give more{words}"
-            )
+        if len(where) < 2:
+            raise InputError(f"a path needs 2 points or more; got {len(where)}; give more")
         chords = np.linalg.norm(np.diff(where, axis=0), axis=1)
         for i in np.flatnonzero(~(chords > SAME * chords.sum())).tolist():
             one, two = (places[k] if places else f"point {k + 1}" for k in (i, i + 1))
@@ -77,8 +75,9 @@ class JointPath:
         at = np.append(0.0, np.cumsum(chords))
         if degree == 3:
             return cls(PiecewiseBezier.from_ppoly(CubicSpline(at, where, bc_type="not-a-knot")), tuple(joints), 2)
-        spline = make_interp_spline(at, where, k=degree)
-        powers = [spline(at[:-1], nu) / factorial(nu) for nu in range(degree, -1, -1)]
+        low = min(degree, len(where) - 1)
+        spline = make_interp_spline(at, where, k=low)
+        powers = [spline(at[:-1], nu) / factorial(nu) for nu in range(low, -1, -1)]
         return cls(PiecewiseBezier.from_ppoly(PPoly(np.array(powers), at)), tuple(joints), degree - 1)
 
     @classmethod

@@ -109,7 +109,8 @@ def motion_bounds(
         joints: of the frames.
         table: of the bodies.
         arcs: of time.
-        arc, body: indices ``(M,)``.
+        arc: of each of M bodies, an index ``(M,)``.
+        body: an index ``(M,)``.
         base: columns of the joints from which it is seen ``(M,)``; each at or below the body's.
 
     Returns:
@@ -172,7 +173,7 @@ def _tilt(joints: Joints, frames: Frames, k: int, arc: Index, body: Index, table
     joint = table.joint[body]
     own = np.einsum("nij,nj->ni", frames.rotation[arc, joint], table.axes[body, :, 2])
     off = 4.0 * (frames.turn[arc, k] + frames.turn[arc, joint]) + 1e-14
-    return np.linalg.norm(_cross(axis, own), axis=1) + off
+    return np.asarray(np.linalg.norm(_cross(axis, own), axis=1) + off)
 
 
 def _distance(joints: Joints, frames: Frames, k: int, arc: Index, centre: Array, off: Array) -> Array:

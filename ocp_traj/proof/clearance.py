@@ -2,11 +2,12 @@
 
 Let n_a and n_b be unit vectors at the ends of an arc, each as good as can be had there (``separation``), and n(t) the
 straight line between them, seen from the joint on which the links of both bodies branch off. It is never longer than 1,
-so that ``n(t) . (x - y)``, where it is positive for all points x of one core and y of the other, is a lower bound of the
+so that ``n(t) . (x - y)``, where it is positive for all points x of one core and y of the other, is less than the
 cores' distance. Its second derivative is at most ``c = M_2 + 2 M_1 |n_b - n_a| / w`` in size, M_1 and M_2 bounding the
 relative speed and acceleration of x and y over the arc of duration w: so the parabola of curvature c through the least
-values at both ends lies below it. The bound is of second order in w, whatever the bodies and however they turn; arcs
-are halved until it tells. Near the least distance n turns with the bodies, so that it converges to it.
+values at both ends lies below it. As n turns with the bodies the bound is of second order in w, whatever their shapes;
+arcs are halved until it tells. (A direction that stands still over an arc loses w times the body's size where a side
+turns towards what it is near: it needs many more arcs.)
 
 A distance at an instant is bounded from above by two points of the bodies: only that makes ``violated``.
 """

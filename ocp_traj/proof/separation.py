@@ -148,7 +148,7 @@ def _extent(cores: Cores, normal: Array) -> Array:
     """How far cores reach from their centres along a direction ``(N,)``: their support function."""
     along = np.abs(np.einsum("nij,ni->nj", cores.axes, normal))
     round_ = np.hypot(along[:, 0], along[:, 1]) * cores.half[:, 0] + along[:, 2] * cores.half[:, 2]
-    return np.where(cores.group == CYLINDERS, round_, (along * cores.half).sum(axis=1))
+    return np.asarray(np.where(cores.group == CYLINDERS, round_, (along * cores.half).sum(axis=1)))
 
 
 def _overlap(a: Cores, b: Cores) -> Array:

@@ -25,6 +25,7 @@ from ocp_traj.transcription.symbolic import evaluate_objectives
 Point = Mapping[str, float] | Sequence[float]
 
 SAME = 1e-9  # relative: points closer than this in every traded objective are one point; our choice
+MOST_VARIABLES = 100  # of a problem, up to which a table has a column for each: our choice
 GIVEN, OF_PROBLEM, ENDS, OWN = "given", "problem", "ends", "front"  # where an ideal comes from
 
 
@@ -157,9 +158,7 @@ class Front(Shown):
         }
 
     def _tables(self) -> list[pd.DataFrame]:
-        """Without the variables."""
-        table, first = self.table, len(self.columns) - self.problem.size
-        return [table.iloc[:, [*range(first), -2, -1]]]
+        return [self._table(variables=False)]
 
     @property
     def traded(self) -> tuple[Objective, ...]:
@@ -183,10 +182,23 @@ class Front(Shown):
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row a point: objectives and variables with units in the column names, ``margin``, ``verdict``."""
-        names = [f"{name} [{unit}]" for name, unit in self.columns]
-        plain = [name for name, _ in self.columns[: len(names) - self.problem.size]]
-        numbers = [[*(point.objectives[name] for name in plain), *point.x] for point in self.points]
+        """One row a point: objectives and variables with units in the column names, ``margin``, ``verdict``.
+
+        Variables are left out where there are more than ``MOST_VARIABLES``; ``full_table`` has them.
+        """
+        return self._table(variables=self.problem.size <= MOST_VARIABLES)
+
+    @property
+    def full_table(self) -> pd.DataFrame:
+        """``table`` with every variable, however many there are."""
+        return self._table(variables=True)
+
+    def _table(self, *, variables: bool) -> pd.DataFrame:
+        plain = [name for name, _ in self.columns[: len(self.columns) - self.problem.size]]
+        names = [f"{name} [{unit}]" for name, unit in (self.columns if variables else self.columns[: len(plain)])]
+        numbers = [
+            [*(point.objectives[name] for name in plain), *(point.x if variables else ())] for point in self.points
+        ]
         table = pd.DataFrame(np.array(numbers).reshape(len(self), len(names)), columns=names)
         table["margin"] = np.array([point.margin for point in self.points], dtype=float)
         table["verdict"] = pd.Series([point.verdict for point in self.points], dtype=object)

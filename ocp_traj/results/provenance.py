@@ -61,7 +61,7 @@ def bound_rows(problem: Problem, x: Array) -> list[AuditRow]:
 def _rows_of_variables(problem: Problem, motion: Motion, variables: Mapping[str, Array]) -> list[AuditRow]:
     if variables:
         x = _given_variables(problem, variables)
-        worst, what = _disagreement(problem, motion, x)
+        worst, what = disagreement(problem, motion, x)
         if worst > 1.0:
             raise InputError(
                 f"the trajectory's {what} is not what its variables and its case give in {problem.id}: one of them was "
@@ -69,7 +69,7 @@ def _rows_of_variables(problem: Problem, motion: Motion, variables: Mapping[str,
             )
         return bound_rows(problem, x)
     x = recovered_variables(problem, motion)
-    worst, what = _disagreement(problem, motion, x)
+    worst, what = disagreement(problem, motion, x)
     if worst <= 1.0:
         return bound_rows(problem, x)
     row = checked_row("variables", f"that give the {what}", "-", worst * AGREE, 0.0, AGREE, ON_BOUND)
@@ -128,7 +128,7 @@ def _numbers(motion: Motion, problem: Problem) -> Array:
     return np.concatenate([motion.curve.durations, parameters, *points])
 
 
-def _disagreement(problem: Problem, motion: Motion, x: Array) -> tuple[float, str]:
+def disagreement(problem: Problem, motion: Motion, x: Array) -> tuple[float, str]:
     """The largest difference between a trajectory and what ``x`` gives, over what may be, and of what it is."""
     made = motion_of(problem, x)
     pairs: list[tuple[str, Array, Array]] = [

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Self
 
 import pandas as pd
 
 from ocp_traj.display import Shown, count
 from ocp_traj.proof.verdicts import Audit
+from ocp_traj.results.limit_gains import LimitGain
+from ocp_traj.results.quadrature import quadrature_errors
 from ocp_traj.results.trajectory import Trajectory
 from ocp_traj.rounding import rounded_down, rounded_up
 from ocp_traj.transcription.instants import Instant
@@ -68,6 +71,7 @@ class Solution(Shown, NLPResult):
         interrupted: what Ctrl-C left undone, such as "after 3 of 40 starts"; empty where nothing was.
         certificate: of global optimality, where one was asked for.
         history: of a population, a row a generation.
+        gains: what each limit costs, largest first, where a local solver ended in an optimum.
     """
 
     objectives: Mapping[str, float] = field(default_factory=dict)
@@ -83,6 +87,7 @@ class Solution(Shown, NLPResult):
     interrupted: str = ""
     certificate: Certificate | None = None
     history: pd.DataFrame | None = None
+    gains: tuple[LimitGain, ...] = ()
 
     @classmethod
     def of(cls, result: NLPResult, **more: Any) -> Self:
@@ -93,6 +98,12 @@ class Solution(Shown, NLPResult):
     def own(self) -> Solution:
         """What the solver itself ended with."""
         return self.instead_of or self
+
+    @cached_property
+    def quadrature_errors(self) -> dict[str, float]:
+        """Of each objective that is an integral, the error of its rule along the trajectory, as far as can be told."""
+        origin = None if self.trajectory is None else self.trajectory.origin
+        return {} if origin is None or self.trajectory is None else quadrature_errors(origin, self.trajectory)
 
     def explain(self) -> str:
         """One line: how it ended and, where it is not proved, or infeasible, the limits at fault, worst first."""

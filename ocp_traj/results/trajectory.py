@@ -15,15 +15,15 @@ from numpy.typing import ArrayLike
 from ocp_traj.arrays import Array
 from ocp_traj.curves.motion import COLUMNS, Motion
 from ocp_traj.display import Shown, count
-from ocp_traj.errors import FileFormatError, InputError, cut, quoted
+from ocp_traj.errors import InputError, cut
 from ocp_traj.files import write_text
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.registry import load
 from ocp_traj.formulation.task import Task
+from ocp_traj.paths.trajectory_file import FORMAT, curve_of, finite, joints_of, read_values, sound
 from ocp_traj.proof.audit import audit_all
 from ocp_traj.proof.verdicts import Audit
 from ocp_traj.results.provenance import audit_motions, bound_rows
-from ocp_traj.results.trajectory_file import FORMAT, READERS, finite, joints_of, kind_of, read_values
 from ocp_traj.transcription.symbolic import motion_of
 
 REMEMBERED = 256  # audits a problem keeps: our choice, more than the points of a front
@@ -117,13 +117,8 @@ class Trajectory(Shown, Motion):
         ``ocp-traj/bpoly/1``: ``joints``, ``x [s] (K + 1,)``, ``c (n + 1, K, dof)`` as scipy's ``BPoly`` has them.
         ``JointTrajectory`` of ROS 2, known by ``joint_names`` and ``points``: as samples.
         """
-        kind = kind_of(data)
-        if not isinstance(kind, str) or kind not in READERS:
-            raise FileFormatError(
-                f"{source} is not a trajectory: its format is {quoted(kind)}; allowed {', '.join(READERS)}"
-            )
-        try:
-            curve = READERS[kind](data)
+        curve = curve_of(data, source)
+        with sound(data, source):
             return cls(
                 curve,
                 joints_of(data),
@@ -132,10 +127,6 @@ class Trajectory(Shown, Motion):
                 dict(data.get("case", {})),
                 {k: np.atleast_1d(np.asarray(v, dtype=float)) for k, v in data.get("variables", {}).items()},
             )
-        except KeyError as error:
-            raise FileFormatError(f"{source}: the field {error} of format {kind} is missing") from error
-        except (TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
-            raise FileFormatError(f"{source} is not a sound {kind} file: {cut(str(error), 200)}") from error
 
 
 def trajectory_of(problem: Problem, x: ArrayLike) -> Trajectory:

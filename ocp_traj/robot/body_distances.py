@@ -106,7 +106,7 @@ def nearest(a: Cores, b: Cores) -> tuple[Array, Array, Array]:
     """
     x, y = np.zeros((2, *a.centre.shape))
     low, high = np.minimum(a.group, b.group), np.maximum(a.group, b.group)
-    for first, second in {(int(i), int(j)) for i, j in zip(low, high, strict=True)}:
+    for first, second in (divmod(kind, 4) for kind in np.unique(4 * low + high).tolist()):
         for swapped in (False, True):
             one, two = (b, a) if swapped else (a, b)
             which = np.flatnonzero((one.group == first) & (two.group == second))
@@ -181,6 +181,16 @@ def _box_share(start: Array, run: Array, half: Array) -> Array:
 
 
 def _segment_cylinder(a: Cores, b: Cores) -> tuple[Array, Array]:
+    s = np.zeros(len(a.centre))
+    long = a.half[:, 2] > 0.0
+    if long.any():
+        s[long] = _cylinder_share(a.take(long), b.take(long))
+    x = a.centre + s[:, None] * _runs(a)
+    return x, b.project(x)
+
+
+def _cylinder_share(a: Cores, b: Cores) -> Array:
+    """Where in [-1, 1] segments are nearest to cylinders: where the slope of the distance changes its sign."""
     start, run = b.local(a.centre), np.einsum("nij,ni->nj", b.axes, _runs(a))
     round_ = np.ones(len(start), dtype=bool)
     low, high = -np.ones(len(start)), np.ones(len(start))
@@ -189,9 +199,7 @@ def _segment_cylinder(a: Cores, b: Cores) -> tuple[Array, Array]:
         x = start + s[:, None] * run
         rising = _dot(x - projected(x, b.half, round_), run) > 0.0
         low, high = np.where(rising, low, s), np.where(rising, s, high)
-    s = 0.5 * (low + high)
-    x = start + s[:, None] * run
-    return a.centre + s[:, None] * _runs(a), b.world(projected(x, b.half, round_))
+    return np.asarray(0.5 * (low + high))
 
 
 def _box_box(a: Cores, b: Cores) -> tuple[Array, Array]:

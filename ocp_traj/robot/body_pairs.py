@@ -65,7 +65,8 @@ def self_pairs(
             so near one another that the bodies about them tell nothing of the links.
     """
     chosen = list(range(len(bodies)) if links is None else links)
-    parents, disabled_found = list(robot.model.parents), {}
+    parents = list(robot.model.parents)
+    disabled_found: dict[tuple[str, str], None] = {}
     pairs: list[tuple[int, int]] = []
     for place, i in enumerate(chosen):
         for j in chosen[place + 1 :]:
@@ -138,7 +139,7 @@ def _touching(
 
 
 def random_postures(robot: Robot, count: int, seed: int = SEED) -> Array:
-    """Postures ``(count, n)`` evenly spread within the limits on position, or within half a turn where there are none."""
+    """Postures ``(count, n)`` within the limits on position, or within half a turn where there are none."""
     low, high = np.full(robot.size, -BEYOND), np.full(robot.size, BEYOND)
     if robot.limits.position is not None:
         given_low, given_high = np.broadcast_to(np.asarray(robot.limits.position, dtype=float), (2, robot.size))

@@ -136,16 +136,16 @@ def _smallest(points: Array, cylinders: bool = False) -> FittedCapsule:
     across = np.stack([first, np.cross(axes, first)], axis=1)  # (axes, 2, 3)
     flat, height = across @ points.T, axes @ points.T
     centre, each = flat.mean(axis=2), np.arange(len(axes))
-    for k in range(TURNS):  # Badoiu and Clarkson (2003): a step towards the farthest point, ever shorter
+    for step in range(TURNS):  # Badoiu and Clarkson (2003): a step towards the farthest point, ever shorter
         farthest = np.argmax(((flat - centre[..., None]) ** 2).sum(axis=1), axis=1)
-        centre = centre + (flat[each, :, farthest] - centre) / (k + 2)
+        centre = centre + (flat[each, :, farthest] - centre) / (step + 2)
     off2 = ((flat - centre[..., None]) ** 2).sum(axis=1)
     radius = np.sqrt(off2.max(axis=1))[:, None] * np.array(WIDER)
     reach = np.sqrt(np.maximum(radius[..., None] ** 2 - off2[:, None], 0.0))
     high, low = (height[:, None] - reach).max(axis=2), (height[:, None] + reach).min(axis=2)
     high, low = np.maximum(high, 0.5 * (high + low)), np.minimum(low, 0.5 * (high + low))
     volume = np.pi * radius**2 * (high - low) + 4.0 / 3.0 * np.pi * radius**3
-    k, w = np.unravel_index(int(np.argmin(volume)), volume.shape)
+    k, w = divmod(int(np.argmin(volume)), len(WIDER))
     if cylinders:
         span = height.max(axis=1) - height.min(axis=1)
         flat_volume = np.pi * off2.max(axis=1) * span
@@ -161,7 +161,7 @@ def _smallest(points: Array, cylinders: bool = False) -> FittedCapsule:
 
 
 def _cylinder(points: Array, axis: Array, foot: Array) -> FittedCapsule:
-    """The cylinder around points ``(n, 3)`` whose axis runs through a point, wider and longer than needed by rounding."""
+    """The cylinder around points ``(n, 3)`` whose axis runs through a point; see ``ROUNDING``."""
     height, across = points @ axis, points - foot - ((points - foot) @ axis)[:, None] * axis
     radius = float(np.linalg.norm(across, axis=1).max()) + ROUNDING
     low, high = float(height.min()) - ROUNDING, float(height.max()) + ROUNDING

@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any
 
 import casadi
+import coal
 import numpy as np
 
 from ocp_traj.arrays import Array, Index
@@ -22,6 +23,7 @@ from ocp_traj.robot.pair_bounds import PairBounds
 from ocp_traj.robot.placements import placements_function
 from ocp_traj.robot.robot import Robot
 from ocp_traj.robot.separation import (
+    TOUCHING,
     Nearest,
     box_plane,
     cylinder_plane,
@@ -189,7 +191,20 @@ def _in_general(kinds: tuple[int, int], a: _Cores, b: _Cores) -> Nearest:
     x, y, normal = nearest(*cores)
     none = np.zeros_like(x)
     distance = ((x - y) * normal).sum(axis=1)
+    for i in np.flatnonzero(distance <= TOUCHING).tolist():  # that they meet is known, not how deep
+        shapes = [_shape(kind, own.half[i]) for kind, own in zip(kinds, (a, b), strict=True)]
+        poses = [coal.Transform3s(own.axes[i], own.centre[i]) for own in (a, b)]
+        result = coal.DistanceResult()
+        depth = coal.distance(shapes[0], poses[0], shapes[1], poses[1], coal.DistanceRequest(), result)
+        if depth < 0.0:
+            distance[i], normal[i] = depth, -np.asarray(result.normal).ravel()
+            x[i], y[i] = result.getNearestPoint1(), result.getNearestPoint2()
     return Nearest(distance, x, y, none, none, normal, np.ones(count), np.zeros(count))
+
+
+def _shape(kind: int, half: Array) -> Any:
+    """A cylinder or box about the origin, as ``coal`` has it."""
+    return coal.Cylinder(float(half[0]), 2.0 * float(half[2])) if kind == ORDER[CYLINDER] else coal.Box(*(2.0 * half))
 
 
 _METHODS: dict[tuple[int, int], Callable[[_Cores, _Cores], Nearest]] = {

@@ -19,9 +19,9 @@ class ToolPayload:
 
     Args:
         mass: [kg], a number or SX.
-        com: ``(3,)``, centre of mass [m].
-        inertia: about the centre of mass, in the tool frame's axes, as `inertia_matrix` takes it [kg m^2]; it stays the
-            same where the mass is symbolic. Stored as ``(3, 3)``; ``None`` for a point mass.
+        com: ``(3,)``, centre of mass [m], numbers or SX.
+        inertia: about the centre of mass, in the tool frame's axes, as `inertia_matrix` takes it, or SX ``(3, 3)``
+            [kg m^2]; it stays the same where the mass is symbolic. Stored as ``(3, 3)``; ``None`` for a point mass.
     """
 
     mass: Any
@@ -32,14 +32,21 @@ class ToolPayload:
         """Checks what is no symbol."""
         if not isinstance(self.mass, SX):
             object.__setattr__(self, "mass", _mass(self.mass))
-        object.__setattr__(self, "com", _com(self.com))
-        if self.inertia is not None:
+        if not isinstance(self.com, SX):
+            object.__setattr__(self, "com", _com(self.com))
+        if self.inertia is not None and not isinstance(self.inertia, SX):
             object.__setattr__(self, "inertia", inertia_matrix(self.inertia))
 
     def at(self, tool: pin.SE3, joint: int | str | None) -> Payload:
         """The same body in the frame of the joint that carries the tool."""
-        turned = None if self.inertia is None else tool.rotation @ self.inertia @ tool.rotation.T
-        return Payload(self.mass, tool.act(self.com), turned, joint)
+        rotation, inertia = tool.rotation, self.inertia
+        if isinstance(inertia, SX):
+            inertia = SX(rotation) @ inertia @ SX(rotation.T)
+        elif inertia is not None:
+            inertia = rotation @ inertia @ rotation.T
+        symbolic = isinstance(self.com, SX)
+        centre = SX(rotation) @ self.com + SX(tool.translation) if symbolic else tool.act(self.com)
+        return Payload(self.mass, centre, inertia, joint)
 
 
 def _mass(value: Any) -> float:

@@ -215,7 +215,7 @@ class Robot:
             if tool_frame not in frames:
                 like = nearest(tool_frame, frames)
                 raise RobotDefinitionError(
-                    f"{tool_frame!r} does not move in {origin}{like}; frames are {sorted(frames)}"
+                    f"{tool_frame!r} is no frame that moves in {origin}{like}; those are {', '.join(sorted(frames))}"
                 )
             tool, tool_joint = frames[tool_frame].placement, int(frames[tool_frame].parentJoint)
         units, given = _units(model), limits or JointLimits()

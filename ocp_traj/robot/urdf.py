@@ -48,6 +48,13 @@ def urdf_model(text: str, origin: str, locked: Mapping[str, float]) -> pin.Model
         joint_is_revolute(model, index)
         if not math.isfinite(value):
             raise RobotDefinitionError(f"joint {name!r} is locked at {value}; give a finite coordinate [m or rad]")
+        place = model.joints[index].idx_q
+        low, high = float(model.lowerPositionLimit[place]), float(model.upperPositionLimit[place])
+        if low < high and not low <= value <= high:  # 0 and 0: not given
+            raise RobotDefinitionError(
+                f"joint {name!r} is locked at {value:g}, and moves from {low:g} to {high:g} [m or rad] in {origin}; "
+                "give a coordinate between"
+            )
         coordinates[model.joints[index].idx_q] = value
     for frame in model.frames:  # pinocchio asks for frames by name, and links may have names of joints
         frame.name += LINK if frame.type == pin.FrameType.BODY else ""

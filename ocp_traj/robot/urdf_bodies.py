@@ -84,7 +84,8 @@ def _bodies_of(
         return [box(link, joint, at.translation, 2.0 * shape.halfSide, at.rotation)]
     if isinstance(shape, coal.Capsule | coal.Cylinder):
         ends = [at.act(np.array([0.0, 0.0, sign * shape.halfLength])) for sign in (-1.0, 1.0)]
-        return [(capsule if isinstance(shape, coal.Capsule) else cylinder)(link, joint, *ends, shape.radius)]
+        made = capsule if isinstance(shape, coal.Capsule) else cylinder
+        return [made(link, joint, ends[0], ends[1], shape.radius)]
     if not hasattr(shape, "tri_indices"):
         raise RobotDefinitionError(
             f"link {link!r} has collision geometry of type {type(shape).__name__}; allowed are meshes, spheres, boxes, "

@@ -21,6 +21,8 @@ from ocp_traj.transcription.instant_values import BySegment, lines, moved_places
 from ocp_traj.transcription.instants import Instant
 from ocp_traj.transcription.shape import ShapeAt, shape_of
 
+AT_ONCE = 1024  # instants whose control points' slopes are gathered together: of all, they would not fit into a cache
+
 
 class DerivativeValues(BySegment):
     """Time derivatives of joints at instants, one value an instant.
@@ -98,7 +100,11 @@ class DerivativeValuesAt:
         """D^m in the segment's variables, instants moving as they do, and the duration ``(N, m)`` each."""
         points, durations, _ = self._shape.slopes
         segments = self.of.segments
-        moved = (self._weights[:, None, 0] @ points[segments, :, self.of.joint])[:, 0]
+        moved = np.empty((len(segments), points.shape[-1]))
+        for begin in range(0, len(segments), AT_ONCE):
+            here = slice(begin, begin + AT_ONCE)
+            own = points[segments[here], :, self.of.joint[here]]
+            np.einsum("nk,nkm->nm", self._weights[here, 0], own, out=moved[here])
         if self._slopes is not None:
             moved = moved + self._derivatives[:, 1:2] * self._slopes
         return moved, durations[segments]

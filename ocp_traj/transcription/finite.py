@@ -16,6 +16,7 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS
 from ocp_traj.transcription.instants import Instant
 from ocp_traj.transcription.symbolic import (
+    constants_at,
     curve_function,
     integrand_function,
     motion_of,
@@ -75,6 +76,7 @@ def _places(
     for name, objective in plain_objectives(problem, names).items():
         if objective.integrand is not None:
             for k, u in quadrature(problem, objective)[0]:
-                yield f"objective {name!r}", k, u, integrand_function(problem, objective), [state(k, u), u, p, []]
+                c = constants_at(objective, [k])[0]
+                yield f"objective {name!r}", k, u, integrand_function(problem, objective), [state(k, u), u, p, c]
         elif objective.of_variables is not None:
             yield f"objective {name!r}", -1, 0.0, variables_function(problem, objective), [x]

@@ -23,6 +23,8 @@ from ocp_traj.transcription.program import Symbols
 from ocp_traj.transcription.scalar_objective import ScalarObjective
 from ocp_traj.transcription.shape import shape_of
 
+IDLE = 1e-7  # of the largest multiplier: a row with less is at rest, and its curvature left out; our choice
+
 
 @dataclass(frozen=True, eq=False)
 class Rows:
@@ -177,9 +179,11 @@ class InstantProgram:
         """See ``Program``."""
         here, pattern = self._here(x), self._pattern
         total = HessianSum(here.at, len(pattern.keys))
+        sizes = np.abs(multipliers)
+        active = np.where(sizes < IDLE * max(abs(factor), float(sizes.max(initial=0.0))), 0.0, multipliers)
         for part, values in zip(self._parts, here.parts, strict=True):
             weights = np.zeros_like(values.values)
-            np.add.at(weights, (part.instant, part.entry), multipliers[part.row] * part.factor)
+            np.add.at(weights, (part.instant, part.entry), active[part.row] * part.factor)
             values.add_curvature(total, weights)
         outer = np.concatenate([[factor], multipliers[self._count :]])
         weighed = dict(zip(self._scalar.names, outer @ self._scalar.slope, strict=False))

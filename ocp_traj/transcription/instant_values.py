@@ -118,7 +118,8 @@ class InstantValues(BySegment):
         kernel = limit_kernel(problem, name)
         segments = np.array([instant.segment for instant in instants], dtype=np.intp)
         limit = next((c for c in problem.requirements.path_constraints if c.id == name), None)
-        table = None if limit is None else limit.constants
+        of = limit or next((o for o in problem.objectives if o.id == name), None)
+        table = None if of is None else of.constants
         u, slopes = lines(shape, instants, [(i.u, i.slope) for i in instants])
         along, sweep_slopes = lines(shape, instants, [(i.sweep, i.sweep_slope) for i in instants])
         return cls(

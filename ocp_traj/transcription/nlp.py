@@ -30,6 +30,8 @@ class NLP:
         labels: one an entry of x.
         units: one an entry of x.
         initial_slacks: the problem's own variables -> starting values of the slacks that follow them in x.
+        bounds_as_rows: of bounds on variables that are those of limits: (variable, factor, row); the factor takes the
+            variable to the row's scale. All sides that are finite are the limit's.
         options: in place of a solver's usual ones: {solver: {its own name of an option: value}}.
         memory: a solver keeps here what it has built for this NLP.
     """
@@ -44,6 +46,7 @@ class NLP:
     labels: tuple[str, ...]
     units: tuple[str, ...]
     initial_slacks: Callable[[Array], Array] = lambda x: np.zeros(0)
+    bounds_as_rows: tuple[tuple[int, float, Row], ...] = ()
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     memory: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
@@ -122,6 +125,7 @@ class NLP:
             iterations=iterations,
             seconds=seconds,
             multipliers=dict(zip(self.rows, lam_g.tolist(), strict=True)),
+            row_multipliers=lam_g,
             bound_multipliers=lam_x,
             slacks=dict(zip(self.rows, np.minimum(g - self.lower_g, self.upper_g - g).tolist(), strict=True)),
             row_count=len(self.rows),
@@ -169,6 +173,7 @@ class NLPResult:
         violation: largest scaled amount by which a row or bound is exceeded, recomputed from x.
         iterations, seconds: spent.
         multipliers: of rows.
+        row_multipliers: the same in the order of the NLP's rows ``(m,)``, among which rows may stand twice.
         bound_multipliers: of the bounds on x ``(n,)``.
         slacks: of rows, scaled distance to the nearer bound, < 0 where exceeded.
         conflicts: where infeasible: the limits that cannot hold together; where locally: those that the nearest point
@@ -186,6 +191,7 @@ class NLPResult:
     iterations: int
     seconds: float
     multipliers: Mapping[Row, float] = field(default_factory=dict)
+    row_multipliers: Array | None = None
     bound_multipliers: Array | None = None
     slacks: Mapping[Row, float] = field(default_factory=dict)
     conflicts: tuple[Conflict, ...] = ()
@@ -212,7 +218,9 @@ class NLPResult:
         held.sort(key=lambda conflict: conflict.row.limit != VARIABLE)
         worst = "; ".join(str(conflict) for conflict in (*missed[:MOST], *held[:MOST]))
         if self.status is Status.INFEASIBLE and worst:
-            return f"{self.name}: no trajectory meets these limits together: {worst}"
+            known = not any(conflict.words for conflict in missed)
+            least = "; each has to give at least what it is off by" if known else ""
+            return f"{self.name}: no trajectory meets these limits together: {worst}{least}"
         if self.status is Status.LOCALLY_INFEASIBLE:
             tried = "the one start found no" if self.starts == 1 else f"none of {self.starts} starts found a"
             words = worst or f"its limits by {self.violation:.3g} of their scale"

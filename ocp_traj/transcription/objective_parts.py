@@ -22,6 +22,7 @@ class Integral:
     def __init__(self, problem: Problem, objective: Objective) -> None:
         nodes, self.weights = quadrature(problem, objective)
         self.values = InstantValues.of(problem, objective.id, [Instant(objective.id, k, u) for k, u in nodes])
+        self._by_duration = self.weights.T.tocsr()
         shape = self.values.shape
         # The variables of each duration come first in its row; those left over are padding.
         moves = shape.depends[:, shape.dof]  # (K, m)
@@ -55,14 +56,14 @@ class Integral:
         found = np.zeros(at.shape.size + 1)
         shares = self.weights @ at.durations
         np.add.at(found, at.shape.columns[self.values.segments], shares[:, None] * values.slopes[:, 0])
-        of_durations = self.weights.T @ values.values[:, 0]
+        of_durations = self._by_duration @ values.values[:, 0]
         np.add.at(found, at.shape.columns, of_durations[:, None] * at.slopes[1])
         return found[:-1]
 
     def add(self, total: HessianSum, at: ShapeAt, values: InstantValuesAt, weight: float, places: Index) -> None:
         """Adds its Hessian times a weight; ``places`` are those of ``pairs`` among the nonzeros."""
         values.add_curvature(total, weight * (self.weights @ at.durations)[:, None])
-        total.durations += weight * (self.weights.T @ values.values[:, 0])
+        total.durations += weight * (self._by_duration @ values.values[:, 0])
         slopes = np.zeros((len(self._left), at.shape.columns.shape[1]))
         np.add.at(slopes, self._pair, self.weights.data[:, None] * values.slopes[self._node, 0])
         of_duration = np.take_along_axis(at.slopes[1], self._first, axis=1)[self._right]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, Protocol
 
 import casadi
@@ -83,43 +82,3 @@ class SymbolicProgram:
     def hessian(self, x: Array, factor: float, multipliers: Array) -> Array:
         """See ``Program``."""
         return np.array(self._hessian(x, factor, multipliers).nonzeros())
-
-
-class ElasticProgram:
-    """Least sum of excesses over the bounds of another program's rows: x, then over and under ``(m,)`` each."""
-
-    def __init__(self, program: Program) -> None:
-        """Adds the columns."""
-        self._program, m = program, program.rows
-        self.size, self.rows = program.size + 2 * m, m
-        unit = casadi.Sparsity.diag(m)
-        self.jacobian_sparsity = casadi.horzcat(program.jacobian_sparsity, unit, unit)
-        self.hessian_sparsity = casadi.diagcat(program.hessian_sparsity, casadi.Sparsity(2 * m, 2 * m))
-
-    def values(self, x: Array) -> tuple[float, Array]:
-        """See ``Program``."""
-        inner, over, under = self._split(x)
-        return float(over.sum() + under.sum()), self._program.values(inner)[1] - over + under
-
-    def gradient(self, x: Array) -> Array:
-        """See ``Program``."""
-        return np.concatenate([np.zeros(self._program.size), np.ones(2 * self.rows)])
-
-    def jacobian(self, x: Array) -> Array:
-        """See ``Program``."""
-        ones = np.ones(self.rows)
-        return np.concatenate([self._program.jacobian(self._split(x)[0]), -ones, ones])
-
-    def hessian(self, x: Array, factor: float, multipliers: Array) -> Array:
-        """See ``Program``."""
-        return self._program.hessian(self._split(x)[0], 0.0, multipliers)
-
-    @property
-    def symbols(self) -> Symbols:
-        """See ``Program``."""
-        x, _, g = self._program.symbols
-        over, under = casadi.MX.sym("over", self.rows), casadi.MX.sym("under", self.rows)
-        return casadi.vertcat(x, over, under), casadi.sum1(over) + casadi.sum1(under), g - over + under
-
-    def _split(self, x: Array) -> Sequence[Array]:
-        return np.split(x, [self._program.size, self._program.size + self.rows])

@@ -18,9 +18,10 @@ from scipy.sparse import csr_array
 from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier, total_variation
 from ocp_traj.curves.motion import Motion
+from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
-from ocp_traj.formulation.requirements import ORDERS, derivative_order, state_function
+from ocp_traj.formulation.requirements import ORDERS, Expression, derivative_order, state_function
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,24 +106,36 @@ def degrees(problem: Problem) -> tuple[int, ...]:
     return tuple(curve.size1_out(k) - 1 for k in range(2, curve.n_out()))
 
 
-def integrand_function(problem: Problem, objective: Objective) -> Any:
-    """The objective's integrand, compiled; see ``requirements.state_function``."""
+def integrand_function(problem: Problem, objective: Objective, rows: Expression | None = None) -> Any:
+    """The objective's integrand, or the rows whose squares it sums; see ``requirements.state_function``."""
     assert objective.integrand is not None
-    integrand, requirements = objective.integrand, problem.requirements
+    expression, requirements = rows or objective.integrand, problem.requirements
+    table = objective.constants
+    width = 0 if table is None else table.shape[1]
+    if table is not None and len(table) != len(degrees(problem)):
+        raise ProblemDefinitionError(
+            f"objective {objective.id!r} has constants for {len(table)} segments; the curve has {len(degrees(problem))}"
+        )
     return problem.cached(
-        f"integrand {objective.id}",
-        lambda: state_function(objective.id, integrand, requirements.dof, len(requirements.parameters)),
+        ("integrand", objective.id, rows is None),
+        lambda: state_function(objective.id, expression, requirements.dof, len(requirements.parameters), width),
     )
 
 
+def constants_at(objective: Objective, segments: ArrayLike) -> Array:
+    """The constants of an integrand on segments ``(N,)``: ``(N, n_c)``."""
+    where = np.asarray(segments, dtype=np.intp)
+    return np.zeros((len(where), 0)) if objective.constants is None else objective.constants[where]
+
+
 def _share_function(problem: Problem, objective: Objective) -> Any:
-    """Casadi SX Function (derivatives, u, p, weight) -> weight x integrand."""
+    """Casadi SX Function (derivatives, u, p, c, weight) -> weight x integrand."""
 
     def build() -> Any:
         function = integrand_function(problem, objective)
-        state = [casadi.SX.sym("z", function.numel_in(i)) for i in range(3)]
+        state = [casadi.SX.sym("z", function.numel_in(i)) for i in range(4)]
         weight = casadi.SX.sym("w")
-        value = weight * function(*state, casadi.SX(0, 1))
+        value = weight * function(*state)
         return casadi.Function("share", [*state, weight], [value])
 
     return problem.cached(("share", objective.id), build)
@@ -138,7 +151,7 @@ def quadrature(problem: Problem, objective: Objective) -> tuple[list[tuple[int, 
     """
     segments = len(degrees(problem))
     order = derivative_order(integrand_function(problem, objective), problem.requirements.dof)
-    shared = order <= problem.requirements.continuity
+    shared = order <= problem.requirements.continuity and objective.constants is None
     nodes: dict[tuple[int, float], int] = {}
     entries: list[tuple[int, int, float]] = []
     for k in range(segments):
@@ -181,6 +194,7 @@ def objective_values(
                 states_at(curve, [k for k, _ in nodes], u),
                 casadi.MX(u.T),
                 casadi.repmat(curve.parameters, 1, len(nodes)),
+                casadi.MX(casadi.DM(constants_at(objective, [k for k, _ in nodes]).T)),
                 casadi.mtimes(casadi.DM(weights.tocsc()), curve.durations).T,
             )
             values[name] = casadi.sum2(shares)

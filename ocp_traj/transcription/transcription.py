@@ -90,8 +90,31 @@ def transcribe(
         labels=(*problem.labels, *labels),
         units=(*problem.units, *("-" for _ in labels)),
         initial_slacks=initial_slacks,
+        bounds_as_rows=_bounds_as_rows(problem),
         options=problem.tuning.solver_options,
     )
+
+
+def _bounds_as_rows(problem: Problem) -> tuple[tuple[int, float, Row], ...]:
+    """The bounds on variables that a limit gives, as rows of it; see ``NLP``."""
+
+    def build() -> tuple[tuple[int, float, Row], ...]:
+        limits = {limit.id: limit for limit in problem.requirements.path_constraints}
+        ranges = {point.id for point in problem.requirements.point_constraints}
+        origins = [origin for v in problem.variables for origin in v.bounded_by or (("", ""),) * len(v.labels)]
+        found = []
+        for i, ((limit, label), low, high) in enumerate(zip(origins, problem.lower, problem.upper, strict=True)):
+            if limit in ranges:
+                found.append((i, 1.0, Row(limit, label, unit=problem.units[i])))
+            elif limit in limits and high > 0.0 and np.isfinite(high):
+                one, entry = limits[limit], limits[limit].labels.index(label)
+                factor = float(one.upper[entry] / one.scale[entry] / high)
+                if abs(low * factor - one.lower[entry] / one.scale[entry]) <= 1e-9:
+                    found.append((i, factor, Row(limit, label, unit=one.units[entry], scale=float(one.scale[entry]))))
+        return tuple(found)
+
+    rows: tuple[tuple[int, float, Row], ...] = problem.cached("bounds as rows", build)
+    return rows
 
 
 def _scalar(problem: Problem, scalarisation: Scalarisation) -> ScalarObjective:

@@ -29,12 +29,13 @@ FIRST_WITHIN = 3.0  # of its size: rows of it that are no farther above their bo
 NEARBY = 1.0  # of its size: a row of such a limit that is farther above its bound is not looked at; our choice
 FINE = 33  # samples about a sample that stands out, from one neighbour to the other: our choice
 NEWTON, NEWTON_SWEPT = 4, 8  # steps: our choice
+SETTLED = 1e-10  # of a segment: a step this short is the last; our choice
 RACING = 1e3  # segments a peak moves when x doubles: it is so flat that an instant that stays holds it as well
 FLAT = 1e-9  # of a curvature in local time: a peak no more curved than this stays where it is
 
 
-def worst_instants(problem: Problem, x: Array, back_off: float) -> tuple[list[Instant], float]:
-    """The peaks of all path limits of x ``(n,)`` above their bounds less ``back_off``, in their scale.
+def worst_instants(problem: Problem, x: Array, back_off: float, near: float = 0.0) -> tuple[list[Instant], float]:
+    """The peaks of all path limits of x ``(n,)`` above their bounds less ``back_off`` and ``near``, in their scale.
 
     Returns:
         the peaks, as instants that move with the variables where the problem has instants move; and by how much the
@@ -47,7 +48,7 @@ def worst_instants(problem: Problem, x: Array, back_off: float) -> tuple[list[In
         # Hull rows hold a limit between instants: of it a peak is one that breaks the limit itself.
         inside = 0.0 if limit.id in problem.tuning.hull_rows else back_off
         peaks = _ChosenPeaks if isinstance(limit, ChosenLimit) else _Peaks
-        members, excess = peaks(problem, limit, shape, inside).sharpened()
+        members, excess = peaks(problem, limit, shape, inside, near).sharpened()
         found += members
         worst = max(worst, excess - inside)
     return found, worst
@@ -69,13 +70,13 @@ def follow(problem: Problem, name: str, members: Sequence[Instant], x: Array) ->
 class _Peaks:
     """The peaks of one limit."""
 
-    def __init__(self, problem: Problem, limit: PathConstraint, shape: ShapeAt, back_off: float) -> None:
-        self.problem, self.limit, self.shape = problem, limit, shape
+    def __init__(self, problem: Problem, limit: PathConstraint, shape: ShapeAt, back_off: float, near: float) -> None:
+        self.problem, self.limit, self.shape, self.near = problem, limit, shape, near
         self.low, self.high = limit.lower / limit.scale + back_off, limit.upper / limit.scale - back_off
         self.segments = np.array(list(filter(limit.holds_on, range(len(shape.durations)))), dtype=np.intp)
 
     def sharpened(self) -> tuple[list[Instant], float]:
-        """Local maxima of the excess where it is above zero, by Newton's method from a scan; and the largest excess."""
+        """Local maxima of the excess above ``-near``, by Newton's method from a scan; and the largest excess."""
         segments, rows, u, sweep = self._scanned()
         if not len(rows):
             return [], 0.0
@@ -91,17 +92,21 @@ class _Peaks:
         weights = _one_row(self._entries(rows), values.kernel.rows) / self.limit.scale[rows][:, None]
         first = np.stack([u, np.zeros_like(u) if sweep is None else sweep], axis=1)
         places = first.copy()
-        begun, at = self._excess(values, places, rows)
+        at = self._at(values, places)
+        begun = self._excess(at, rows)
         side = np.where(begun[1], 1.0, -1.0)
         lowest, highest = np.maximum(first - width, 0.0), np.minimum(first + width, 1.0)
-        for _ in range(NEWTON_SWEPT if self.limit.sweep else NEWTON):
-            found = at.peak(weights)
-            free = self._free(places, found, side)
-            places = np.clip(places + _newton_step(found, free), lowest, highest)
-            at = self._at(values, places)
-        excess, _ = self._excess(values, places, rows)
         found = at.peak(weights)
         free = self._free(places, found, side)
+        for _ in range(NEWTON_SWEPT if self.limit.sweep else NEWTON):
+            before, places = places, np.clip(places + _newton_step(found, free), lowest, highest)
+            if np.abs(places - before).max() <= SETTLED:
+                places = before
+                break
+            at = self._at(values, places)
+            found = at.peak(weights)
+            free = self._free(places, found, side)
+        excess = self._excess(at, rows)
         # Newton's method may lead downhill: there the peak is a corner at the end of a segment, and stays.
         astray = excess[0] < begun[0]
         kept_places = np.where(astray[:, None], first, places).tolist()
@@ -111,7 +116,7 @@ class _Peaks:
         ]
         free &= ~astray[:, None] & self.problem.tuning.instants_move
         largest = np.maximum(excess[0], begun[0])
-        kept = np.nonzero(largest > 0.0)[0]
+        kept = np.nonzero(largest > -self.near)[0]
         if not len(kept):
             return [], 0.0
         moved = _moving(members, found, free, values, self.shape.x)
@@ -131,17 +136,14 @@ class _Peaks:
     def _at(self, values: InstantValues, places: Array) -> InstantValuesAt:
         return InstantValuesAt(values, self.shape, places[:, 0], places[:, 1] if self.limit.sweep else None)
 
-    def _excess(
-        self, values: InstantValues, places: Array, rows: Index
-    ) -> tuple[tuple[Array, NDArray[np.bool_]], InstantValuesAt]:
+    def _excess(self, at: InstantValuesAt, rows: Index) -> tuple[Array, NDArray[np.bool_]]:
         """Scaled excess of one row an instant ``(N,)``, and whether that is over the upper bound."""
-        at = self._at(values, places)
         own = at.values[np.arange(len(rows)), self._entries(rows)] / self.limit.scale[rows]
         over, under = own - self.high[rows], self.low[rows] - own
-        return (np.maximum(over, under), over >= under), at
+        return np.maximum(over, under), over >= under
 
     def _scanned(self) -> tuple[Index, Index, Array, Array | None]:
-        """Segments, rows, local times and sweeps near which the excess has a peak above zero, or may have one."""
+        """Segments, rows, local times and sweeps near which the excess has a peak above ``-near``, or may have one."""
         limit, key = self.limit, ("scan", self.limit.id)
         u = np.linspace(0.0, 1.0, SCAN)
         sweeps = len(SWEEP) if limit.sweep else 1
@@ -153,11 +155,11 @@ class _Peaks:
         table = np.moveaxis(values.reshape(len(self.segments), SCAN, sweeps, -1), 3, 1)  # (K, rows, SCAN, sweeps)
         high, low = self.high[:, None, None], self.low[:, None, None]
         if limit.sweep:
-            k, row, i, j = np.nonzero(_stands_out_swept(np.maximum(table - high, low - table)))
+            k, row, i, j = np.nonzero(_stands_out_swept(np.maximum(table - high, low - table) + self.near))
             return self.segments[k], row, u[i], SWEEP[j]
         parts: list[tuple[Index, Index, Array]] = []
         for side, bound in ((1.0, high), (-1.0, -low)):
-            k, row, i, _ = np.nonzero(_stands_out(side * table - bound))
+            k, row, i, _ = np.nonzero(_stands_out(side * table - bound + self.near))
             if len(k):
                 parts.append((k, row, self._closer(self.segments[k], row, u[i], side)))
         if not parts:
@@ -211,7 +213,7 @@ class _ChosenPeaks(_Peaks):
     def _scanned(self) -> tuple[Index, Index, Array, Array | None]:
         u = np.linspace(0.0, 1.0, SCAN_CHOSEN)
         excess = -near_values(self.limit, self.shape, self.segments, u, NEARBY) / self.limit.size
-        k, row, i, _ = np.nonzero(_stands_out(excess[..., None]))
+        k, row, i, _ = np.nonzero(_stands_out(excess[..., None] + self.near))
         segments, rows, place = self.segments[k], row.astype(np.intp), u[i]
         for some in _alike(self.limit, rows):
             place[some] = self._closer(segments[some], rows[some], place[some], -1.0)
@@ -240,7 +242,7 @@ def near_values(limit: ChosenLimit, shape: ShapeAt, segments: Index, u: Array, w
 
 
 def near_instants(problem: Problem, x: Array) -> list[Instant]:
-    """Instants of limits whose constants are chosen, at which rows are near their bounds at ``x (n,)``: a first grid."""
+    """A first grid of limits whose constants are chosen: where their rows are near their bounds at ``x (n,)``."""
     shape, found = shape_of(problem).at(x), []
     u = np.linspace(0.0, 1.0, FIRST_CHOSEN)
     for limit in problem.chosen_limits:

@@ -66,6 +66,23 @@ def options_from_text(format: str, texts: Mapping[str, str]) -> dict[str, Any]:
     return convert(format, chosen, dict(texts), "option", known)
 
 
+def check_table(table: Mapping[str, Any]) -> None:
+    """Refuses what ``[export]`` of a task has and no export takes."""
+    options = dict(table)
+    if not isinstance(kind := options.pop("format", None), str):
+        what = "is missing" if kind is None else f"is {quoted(kind)}"
+        raise InputError(f"[export] format {what}; give one of {', '.join(FORMATS)}")
+    try:
+        chosen = format_class(kind)
+    except InputError as error:
+        raise InputError(f"[export] format: {error}") from error
+    for name, value in options.items():
+        try:
+            configured(kind, **convert(kind, chosen, {name: value}, "option"))
+        except InputError as error:
+            raise InputError(f"[export] {name}: {error}") from error
+
+
 def asked_by_task(source: str | Path) -> dict[str, Any]:
     """``format`` and its options, as ``[export]`` of the task has them that a trajectory's file carries."""
     origin = Path(source)

@@ -10,11 +10,11 @@ from ocp_traj.errors import InputError
 from ocp_traj.files import plain, write_text
 from ocp_traj.formulation.requirements import Requirements
 from ocp_traj.io.export.exported import Exported
+from ocp_traj.paths.trajectory_file import BPOLY_FORMAT
 from ocp_traj.proof.audit import audit
 from ocp_traj.proof.verdicts import UNDECIDED
 from ocp_traj.results.playback import NO_LIMITS
 from ocp_traj.results.trajectory import Trajectory
-from ocp_traj.results.trajectory_file import BPOLY_FORMAT
 from ocp_traj.version import __version__
 
 

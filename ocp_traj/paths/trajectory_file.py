@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from math import comb
 from pathlib import Path
 from typing import Any
@@ -213,3 +214,28 @@ READERS: dict[str, Callable[[dict[str, Any]], PiecewiseBezier]] = {
     BPOLY_FORMAT: _bpoly,
     ROS_FORMAT: _ros,
 }
+
+
+@contextmanager
+def sound(data: Any, source: str) -> Iterator[None]:
+    """What readers raise as one line that names the file."""
+    kind = kind_of(data)
+    try:
+        yield
+    except FileFormatError:
+        raise
+    except KeyError as error:
+        raise FileFormatError(f"{source}: the field {error} of format {kind} is missing") from error
+    except (TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
+        raise FileFormatError(f"{source} is not a sound {kind} file: {cut(str(error), 200)}") from error
+
+
+def curve_of(data: Any, source: str) -> PiecewiseBezier:
+    """The curve of a file's plain values, in one of the formats of ``READERS``."""
+    kind = kind_of(data)
+    if not isinstance(kind, str) or kind not in READERS:
+        raise FileFormatError(
+            f"{source} is not a trajectory: its format is {quoted(kind)}; allowed {', '.join(READERS)}"
+        )
+    with sound(data, source):
+        return READERS[kind](data)

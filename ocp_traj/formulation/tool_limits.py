@@ -1,0 +1,158 @@
+"""Limits of tool paths: how far the tool is off the path, along it and tilted, and how fast it goes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi
+import numpy as np
+
+from ocp_traj.arrays import Array
+from ocp_traj.formulation.parametrisation import Parametrisation
+from ocp_traj.formulation.requirements import PathConstraint, State, state_function
+from ocp_traj.formulation.route import Route
+from ocp_traj.formulation.tool_moves import ToolMove
+from ocp_traj.paths.cartesian import CONSTANTS, beyond, places, wanted_rotation
+from ocp_traj.robot.robot import Robot
+
+POSITION, PROGRESS, TILT, SPEED, CONSTANT = (
+    "tool-position",
+    "tool-progress",
+    "tool-tilt",
+    "tool-speed",
+    "tool-speed-band",
+)
+PIECES = (2, 4, 8, 16, 32, 64)  # of a leg, that are tried: our choice, as all that follow
+CLOSE = 0.5  # of the tolerance of position: what a start may be off
+SAMPLES = 9  # of a piece
+MANY = tuple(float(u) for u in np.linspace(0.0, 1.0, 7)[1:])  # first instants of limits that rest along whole arcs
+FEW = (0.0, 0.5, 1.0)  # of the others
+MOST_EXCHANGES = 16
+
+
+def tool_speed_limit(robot: Robot, most: float) -> PathConstraint:
+    """``tool-speed``: the square of the speed of the tool frame's origin, at all times [m2/s2]."""
+    speed = _speed_squared(robot)
+    none, high = np.array([-np.inf]), np.array([most**2])
+    return PathConstraint(SPEED, speed, none, high, ("m2/s2",), ("squared",))
+
+
+def tool_limits(robot: Robot, route: Route, made: Parametrisation) -> list[PathConstraint]:
+    """The limits of moves along tool paths, those of equal tolerances together.
+
+    ``tool-position`` is the square of the distance from the path [mm2]; ``tool-tilt`` 1 - cos of the angle to the
+    path's rotation where the tool is along it, or between the axes where it may turn; ``tool-progress`` says that the
+    tool does not run past an end by more than the tolerance of position; ``tool-speed-band`` is the square of a speed
+    that is constant. The second and later groups have their first move's number among tool paths behind the name.
+    """
+    groups: dict[tuple[Any, ...], list[tuple[int, ToolMove]]] = {}
+    for first, move in route.tool_moves:
+        groups.setdefault((move.position, move.tilt, move.free_turn), []).append((first, move))
+    table = _table(route, made)
+    numbers = [first for first, _ in route.tool_moves]
+    found = []
+    for (position, tilt, free_turn), moves in groups.items():
+        legs = [i for first, move in moves for i in range(first, first + len(move.legs))]
+        name = _name(numbers.index(moves[0][0]))
+        found += _group(robot, position, tilt, free_turn, table, _segments(made, legs), name)
+    bands: dict[tuple[float, float], list[tuple[int, ToolMove]]] = {}
+    for first, move in route.tool_moves:
+        if move.speed is not None:
+            bands.setdefault(move.speed[:2], []).append((first, move))
+    for (value, band), moves in bands.items():
+        legs = [first + i for first, move in moves for i in move.even]
+        low, high = ((value * (1.0 + sign * band)) ** 2 for sign in (-1.0, 1.0))
+        name = CONSTANT + _name(numbers.index(moves[0][0]))
+        found.append(
+            PathConstraint(
+                name, _speed_squared(robot), np.array([low]), np.array([high]), ("m2/s2",), ("squared",),
+                segments=_segments(made, legs),
+            )
+        )  # fmt: skip
+    return found
+
+
+def enough_pieces(robot: Robot, route: Route, parametrise: Callable[[int], Parametrisation]) -> int:
+    """How many pieces a leg it takes until the start keeps to the tool paths within ``CLOSE`` of their tolerances."""
+    for count in PIECES:
+        made = parametrise(count)
+        curve = made.curve(made.guess(np.random.default_rng(0)))
+        shares = []
+        for limit in tool_limits(robot, route, made):
+            if limit.id.startswith(POSITION):
+                assert limit.segments is not None and limit.constants is not None
+                function = state_function("off", limit.expression, robot.size, 0, CONSTANTS)
+                u = np.linspace(0.0, 1.0, SAMPLES)
+                for k in limit.segments:
+                    states = np.zeros((5 * robot.size, len(u)))
+                    states[: robot.size] = np.asarray(curve.at(k, u)).T
+                    value = function.map(len(u))(states, u[None], np.zeros((0, 1)), limit.constants[k])
+                    shares.append(float(np.array(value).max() / limit.upper[0]))
+        if max(shares) <= CLOSE**2:
+            break
+    return count
+
+
+def tool_tuning(route: Route, limits: Sequence[PathConstraint]) -> dict[str, Any]:
+    """Fields of the problem's ``Tuning`` where there are tool paths; measured on lines, arcs and poses."""
+    if not route.tool_moves:
+        return {}
+    instants: dict[str, Sequence[float]] = {}
+    for limit in limits:
+        many = limit.id.startswith("tool-")
+        instants[limit.id] = MANY if many else () if limit.order is None else FEW
+    return {"instants": instants, "max_exchanges": MOST_EXCHANGES}
+
+
+def _name(number: int) -> str:
+    return f"-{number + 1}" if number else ""
+
+
+def _table(route: Route, made: Parametrisation) -> Array:
+    """Constants of all segments ``(K, CONSTANTS)``, zero where there is no tool path."""
+    table = np.zeros((max(leg.stop for leg in made.legs), CONSTANTS))
+    for first, move in route.tool_moves:
+        for i, leg in enumerate(move.legs):
+            table[list(made.legs[first + i])] = leg.constants
+    return table
+
+
+def _segments(made: Parametrisation, legs: Sequence[int]) -> tuple[int, ...]:
+    return tuple(k for i in legs for k in made.legs[i])
+
+
+def _group(
+    robot: Robot, position: float, tilt: float, free_turn: bool, table: Array, segments: tuple[int, ...], name: str
+) -> list[PathConstraint]:
+    where: dict[str, Any] = {"constants": table, "segments": segments}
+    none = np.array([-np.inf])
+
+    def off(s: State) -> Any:
+        outwards, across, _ = places(s.c, robot.tool_pose(s.q)[1])
+        return (1e3 * outwards) ** 2 + (1e3 * across) ** 2
+
+    def progress(s: State) -> Any:
+        return casadi.vertcat(*beyond(s.c, places(s.c, robot.tool_pose(s.q)[1])[2]))
+
+    def tilted(s: State) -> Any:
+        rotation, place = robot.tool_pose(s.q)
+        wanted = wanted_rotation(s.c, places(s.c, place)[2])
+        if free_turn:
+            return 1.0 - casadi.dot(wanted[:, 2], rotation[:, 2])
+        return (3.0 - casadi.trace(casadi.mtimes(wanted.T, rotation))) / 2.0
+
+    mm2, past = np.array([(1e3 * position) ** 2]), np.full(2, position)
+    return [
+        PathConstraint(POSITION + name, off, none, mm2, ("mm2",), ("squared",), **where),
+        PathConstraint(
+            PROGRESS + name, progress, np.full(2, -np.inf), past, ("m",) * 2, ("before start", "past end"), **where
+        ),
+        PathConstraint(TILT + name, tilted, none, np.array([1.0 - np.cos(tilt)]), ("-",), ("1 - cos",), **where),
+    ]
+
+
+def _speed_squared(robot: Robot) -> Callable[[State], Any]:
+    q, v = casadi.SX.sym("q", robot.size), casadi.SX.sym("v", robot.size)
+    function = casadi.Function("speed", [q, v], [casadi.sumsqr(casadi.jtimes(robot.tool_pose(q)[1], q, v))])
+    return lambda s: function(s.q, s.v)

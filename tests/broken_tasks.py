@@ -1,0 +1,250 @@
+"""Task files with one thing wrong each, and what the complaint about it begins with."""
+
+from pathlib import Path
+
+EXAMPLE = (Path(__file__).parent.parent / "examples" / "tasks" / "ur5-via.toml").read_text()
+MOVE = EXAMPLE[EXAMPLE.index("[[move]]") : EXAMPLE.index("[objective]")]
+POINTS = {
+    "P1": "[0.782, -1.064, 1.456, -1.894, -1.864, -0.394]",
+    "P2": "[0.558, -0.822, 1.608, -1.771, -1.852, -0.166]",
+}
+
+# By what is replaced: what stands there instead, "&" for what was there, P1 and P2 for points, and what is said.
+BROKEN: dict[str, list[tuple[str, str]]] = {
+    'format = "ocp-traj/task/1"': [
+        ('format = "ocp-traj/limits/1"', "x.toml is not a task file: its format is 'ocp-traj/limits/1'"),
+        ("", "x.toml is not a task file: its format is None"),
+        ("format = 1", "x.toml is not a task file: its format is 1"),
+        ('&\nunits = "deg"', "x.toml:2: [units] is 'deg'"),
+        ('&\nunits = { angle = "degree" }', "x.toml:2: [units] angle is 'degree'"),
+        ('&\nunits = { angel = "deg" }', "x.toml:2: [units] angel is not allowed"),
+        ('&\nunits = { length = "cm" }', "x.toml:2: [units] length is 'cm'"),
+        ("&\npayload = -1", "x.toml:2: payload is -1"),
+        ('&\npayload = "heavy"', "x.toml:2: payload is 'heavy'"),
+        ("&\nfree_payload = 2", "x.toml:2: free_payload is 2"),
+        ('&\nsource = { file = "a" }', "x.toml:2: source is not allowed here"),
+    ],
+    'name = "ur5-via"': [
+        ('name = ""', "x.toml:2: name is ''"),
+        ("name = 5", "x.toml:2: name is 5"),
+    ],
+    "[robot]": [
+        ("[robot", "x.toml:4: this is not TOML"),
+        ("[&]", "x.toml:4: [robot] is [{"),
+        ("[robots]", "x.toml:4: robots is not allowed"),
+    ],
+    "jerk = 60.0": [
+        ("jerk = 60,0", "x.toml:12: this is not TOML"),
+    ],
+    "[curve]": [
+        ("[limits]", "x.toml:14: this is not TOML"),
+    ],
+    "[[move]]": [
+        ("[objective]\n&", "x.toml:30: this is not TOML"),
+        ("[[mvoe]]", "x.toml:19: mvoe is not allowed"),
+    ],
+    'description = "ur5"': [
+        ("description = 5", "x.toml:5: [robot] description is 5"),
+        ("", "x.toml:4: [robot] has no robot"),
+        ('&\nurdf = "x.urdf"', "x.toml:4: [robot] has description and urdf"),
+        ('urdf = "x.urdf"', "x.toml:5: [robot] urdf: cannot read the URDF"),
+        ('descriptoin = "ur5"', "x.toml:5: [robot] descriptoin is not allowed"),
+        ("&\ndh = []", "x.toml:4: [robot] has description and dh"),
+        ("dh = []", "x.toml:4: [robot] has tool_frame, which a robot by dh does not take"),
+        ("dh = [1.0]", "x.toml:5: [robot] dh 1 is 1.0"),
+        ("dh = 3", "x.toml:5: [robot] dh is 3"),
+        ("&\nbase = { xyz = [0,0,0] }", "x.toml:4: [robot] has base, which a robot by description does not take"),
+        ('&\nconvention = "craig"', "x.toml:6: [robot] convention is 'craig'"),
+        ("&\nlocked = { elbow = 1.0 }", "x.toml:6: [robot] locked: 'elbow' is not a joint of 'ur5'"),
+        ('&\nlocked = ["elbow_joint"]', "x.toml:6: [robot] locked is ['elbow_joint']"),
+        ('&\nlocked = { elbow_joint = "bent" }', "x.toml:6: [robot] locked.elbow_joint is 'bent'"),
+        ("&\nlocked = { elbow_joint = 9.0 }", "x.toml:6: [robot] locked: joint 'elbow_joint' is locked at 9"),
+        ("&\ngravity = -9.81", "x.toml:6: [robot] gravity is -9.81"),
+        ("&\ngravity = [0, -9.81]", "x.toml:6: [robot] gravity is [0, -9.81]"),
+    ],
+    'tool_frame = "tool0"': [
+        ('tool_frame = "tol0"', "x.toml:6: [robot] tool_frame: 'tol0' is no frame that moves"),
+        ('tool_frame = ["tool0"]', "x.toml:6: [robot] tool_frame is ['tool0']"),
+        ("tool = { xyz = [0, 0] }", "x.toml:6: [robot] tool.xyz is [0, 0]"),
+        ("tool = { rpy = [0, 0, 1], quat_wxyz = [1, 0, 0, 0] }", "x.toml:6: [robot] tool gives rpy and quat_wxyz"),
+        ("tool = { quat_wxyz = [0, 0, 0, 0] }", "x.toml:6: [robot] tool gives a quat_wxyz that is no rotation"),
+        ("tool = { quat_wxyz = [0, 0, 1] }", "x.toml:6: [robot] tool gives a quat_wxyz that is no rotation"),
+        ('tool = { xyz = "up" }', "x.toml:6: [robot] tool.xyz is 'up'"),
+        ("tool = { position = [0,0,0] }", "x.toml:6: [robot] tool.position is not allowed"),
+    ],
+    "mass = 3.0": [
+        ('mass = "3 kg"', "x.toml:7: [robot] payload.mass is '3 kg'"),
+        ("mass = nan", "x.toml:7: [robot] payload.mass is nan"),
+        ("mass = true", "x.toml:7: [robot] payload.mass is True"),
+    ],
+    "com = [0.0, 0.0, 0.05]": [
+        ("com = [0.0, 0.05]", "x.toml:7: [robot] payload.com is [0.0, 0.05]"),
+        ("center = [0.0, 0.0, 0.05]", "x.toml:7: [robot] payload.center is not allowed"),
+        ("inertia = [1.0, 2.0]", "x.toml:7: [robot] payload.inertia is [1.0, 2.0]"),
+        ("inertia = [1.0, -2.0, 0.1]", "x.toml:7: [robot] payload.inertia is [1.0, -2.0, 0.1]"),
+    ],
+    "payload = { mass = 3.0, com = [0.0, 0.0, 0.05] }": [
+        ("payload = 3.0", "x.toml:7: [robot] payload is 3.0"),
+        ("friction = { coulomb = -1.0 }", "x.toml:7: [robot] friction.coulomb is -1.0"),
+        (
+            "friction = { coulomb = [1.0, 2.0] }",
+            "x.toml:7: [robot] friction: friction's coulomb is [1.0, 2.0], expected a finite number >= 0, or 6 of them",
+        ),
+        ("friction = { colomb = 1.0 }", "x.toml:7: [robot] friction.colomb is not allowed"),
+        (
+            "friction = { velocity_scale = 0.0 }",
+            "x.toml:7: [robot] friction: friction's velocity_scale is 0.0, expected a finite number > 0, or 6 of them",
+        ),
+    ],
+    "acceleration = 8.0": [
+        ("", "x.toml:9: [limits] acceleration is missing: no description holds it"),
+        ("acceleration = -8.0", "x.toml:11: [limits] acceleration is -8.0"),
+        ("acceleration = 0.0", "x.toml:11: [limits] acceleration is 0.0"),
+        ('acceleration = "8 rad/s2"', "x.toml:11: [limits] acceleration is '8 rad/s2'"),
+        ('acceleration = "-50 %"', "x.toml:11: [limits] acceleration is '-50 %'"),
+        ("acceleration = inf", "x.toml:11: [limits] acceleration is inf"),
+        ("acceleration = 1e-12", "x.toml:11: [limits] acceleration is 1e-12"),
+        ("acceleration = [8.0, 8.0, 8.0]", "x.toml:11: [limits] acceleration has 3 numbers"),
+        (
+            "acceleration = [8.0, 8.0, 8.0, 8.0, 8.0, -1.0]",
+            "x.toml:11: [limits] acceleration: number 6 is -1, not above zero",
+        ),
+        ("acceleration = [[1.0], [2.0]]", "x.toml:11: [limits] acceleration has 1 numbers"),
+        (
+            "acceleration = [[-1.0,-1.0,-1.0,-1.0,-1.0,-1.0], [1.0,1.0,1.0,1.0,1.0]]",
+            "x.toml:11: [limits] acceleration has 5 numbers",
+        ),
+        ("acceleration = { elbow_joint = 8.0 }", "x.toml:11: [limits] acceleration is {'elbow_joint': 8.0}"),
+        ("acceleration = true", "x.toml:11: [limits] acceleration is True"),
+        ("&\nposition = 3.0", "x.toml:12: [limits] position is 3.0"),
+        (
+            "&\nposition = [[1,1,1,1,1,1],[0,0,0,0,0,0]]",
+            "x.toml:12: [limits] position limit of joint 1 is [1.0, 0.0], expected lower < upper, no NaN",
+        ),
+        ('&\nvelocity = "150 percent"', "x.toml:12: [limits] velocity is '150 percent'"),
+        ('&\nvelocity = "0 %"', "x.toml:12: [limits] velocity is '0 %'"),
+        ("&\ntorque = 100.0", "x.toml:12: [limits] torque is not allowed"),
+        ("&\nvelocity = []", "x.toml:12: [limits] velocity is []"),
+        ('&\nsnap = "50 %"', "x.toml:12: [limits] snap is a share of the description's"),
+    ],
+    "description = true ": [
+        ('description = "yes" ', "x.toml:10: [limits] description is 'yes'"),
+        ("description = false ", "x.toml:9: [limits] position is missing: no description holds it"),
+    ],
+    'kind = "cubic"': [
+        ("kind = 3", "x.toml:15: [curve] kind is 3"),
+        ('kind = "spline"', "x.toml:15: [curve] kind is 'spline'"),
+        ('kind = "quintic"\npieces = 0', "x.toml:16: [curve] pieces is 0"),
+        ('kind = "quintic"\npieces = 1.5', "x.toml:16: [curve] pieces is 1.5"),
+        ('kind = "quintic"\npieces = 2000', "x.toml:16: [curve] pieces is 2000"),
+        ('kind = "quintic"\npieces = "2"', "x.toml:16: [curve] pieces is '2'"),
+        ('kind = "auto"\nfinest = -1', "x.toml:16: [curve] finest is -1"),
+        ('kind = "auto"\ngain = 1.0', "x.toml:16: [curve] gain is 1.0"),
+        ('kind = "auto"\ngain = 0', "x.toml:16: [curve] gain is 0"),
+        ('kind = "auto"\ngain = "1 %"', "x.toml:16: [curve] gain is '1 %'"),
+        ('kind = "quintic"\nlevels = 2', "x.toml:16: [curve] levels is not allowed"),
+    ],
+    "rest = 2": [
+        ("&.0", "x.toml:17: [curve] rest is 2.0"),
+        ("rest = true", "x.toml:17: [curve] rest is True"),
+        ("rest = -1", "x.toml:17: [curve] rest is -1"),
+        ("&\ndegree = 5", "x.toml:18: [curve] degree is not allowed"),
+    ],
+    MOVE: [
+        ("", "x.toml: [move] is missing"),
+        ("[[move]]\n", "x.toml:19: [[move]] 1 has no way to go"),
+        ("[[move]]\nvia = []\n", "x.toml:20: [[move]] 1: via is []"),
+        ("[[move]]\nvia = [P1]\n", "x.toml:19: [[move]] 1 has the only point"),
+        ("[[move]]\nvia = P1\n", "x.toml:20: [[move]] 1: via is [0.782, -1.064, 1.456, -1.894, -1.864, -0.394]"),
+        ("[[move]]\nvia = [P1, [1.0, 2.0]]\n", "x.toml:20: [[move]] 1: via: point 2 has 2 numbers, the first has 6"),
+        ("[[move]]\nvia = [[1.0, 2.0], [3.0, 2.0]]\n", "x.toml:19: [[move]] 1 has a point of 2 coordinates"),
+        ("[[move]]\nvia = [P1, P1, P2]\n", "x.toml:19: [[move]] 1: points 1 and 2 are the same"),
+        ('[[move]]\nvia = "points"\n', "x.toml:20: [[move]] 1: via is 'points'"),
+        (
+            "[[move]]\nvia = [P1, [nan, 0.0, 0.0, 0.0, 0.0, 0.0]]\n",
+            "x.toml:20: [[move]] 1: via: point 2, number 1 is nan",
+        ),
+        ("[[move]]\ngoal = P1\n", "x.toml:19: [[move]] 1 has goal without start"),
+        ("[[move]]\nstart = P1\n", "x.toml:19: [[move]] 1 has no way to go"),
+        ("[[move]]\nstart = P1\ngoal = P2\nvia = [P1]\n", "x.toml:19: [[move]] 1 has via and goal"),
+        ("[[move]]\nstart = P1\nvia = [P1, P2]\n", "x.toml:19: [[move]] 1 has start without goal"),
+        ("[[move]]\nstart = P1\ngoal = [1.0]\n", "x.toml:19: [[move]] 1 has a point of 1 coordinate"),
+        ('[[move]]\npath = "nowhere.csv"\n', "x.toml:20: [[move]] 1: path: cannot read the path"),
+        ("[[move]]\npath = 5\n", "x.toml:20: [[move]] 1: path is 5"),
+        (
+            '[[move]]\npath = "x.toml"\n',
+            "x.toml:20: [[move]] 1: path: x.toml: points of a path are read from .csv, .yaml, .yml and .json",
+        ),
+        ("&tolerance = -0.1\n", "x.toml:29: [[move]] 1: tolerance is -0.1"),
+        ("&tolerance = [0.1, 0.1]\n", "x.toml:29: [[move]] 1: tolerance has 2 numbers"),
+        ('&tolerance = "1 mm"\n', "x.toml:29: [[move]] 1: tolerance is '1 mm'"),
+        (
+            "&tolerance = 0.1\n",
+            "x.toml:15: [curve] kind: a cubic curve is one move from rest to rest, without tolerance",
+        ),
+        ('&stop = "no"\n', "x.toml:29: [[move]] 1: stop is 'no'"),
+        ("&dwell = -1\n", "x.toml:29: [[move]] 1: dwell is -1"),
+        ("&dwell = 1.0\n", "x.toml:29: [[move]] 1: dwell is after the last move"),
+        ("&stop = false\ndwell = 1.0\n", "x.toml:19: [[move]] 1 has dwell and stop = false"),
+        ("&begin = { velocity = [0.1] }\n", "x.toml:29: [[move]] 1: begin.velocity has 1 number"),
+        ("&begin = { acceleration = [0.1] }\n", "x.toml:29: [[move]] 1: begin.velocity is missing"),
+        ("&speed = 0.2\n", "x.toml:29: [[move]] 1: speed is of a tool path"),
+        ("&[[move]]\nstart = P2\ngoal = P1\n", "x.toml:29: [[move]] 2 has start, but begins where the one before ends"),
+    ],
+    'minimise = "time"': [
+        ('minimise = "energie"', "x.toml:30: [objective] minimise: there is no objective 'energie'"),
+        ("minimise = 1", "x.toml:30: [objective] minimise is 1"),
+        ('minimise = ["time", "effort"]', "x.toml:30: [objective] minimise is ['time', 'effort']"),
+        ("minimise = { time = -1.0 }", "x.toml:30: [objective] minimise is {'time': -1.0}"),
+        ('minimise = { time = "much" }', "x.toml:30: [objective] minimise is {'time': 'much'}"),
+        ("minimise = {}", "x.toml:30: [objective] minimise is {}"),
+        ("minimise = { tmie = 1.0 }", "x.toml:30: [objective] minimise: there is no objective 'tmie'"),
+        ('minimize = "time"', "x.toml:30: [objective] minimize is not allowed"),
+        ('&\nfront = ["time", "effort"]', "x.toml:31: [objective] front is ['time', 'effort']"),
+        ('&\nfront = { objectives = ["time"] }', "x.toml:31: [objective] front.objectives is ['time']"),
+        ('&\nfront = { objectives = ["time", "time"] }', "x.toml:31: [objective] front.objectives is ['time', 'time']"),
+        (
+            '&\nfront = { objectives = ["time", "cost"] }',
+            "x.toml:31: [objective] front.objectives: there is no objective 'cost'",
+        ),
+        ('&\nfront = { objectives = ["time", "effort"], points = 1 }', "x.toml:31: [objective] front.points is 1"),
+        ('&\nfront = { objectives = ["time", "effort"], points = 2.5 }', "x.toml:31: [objective] front.points is 2.5"),
+        (
+            '&\nfront = { objectives = ["time", "effort"], reference = [1, 2] }',
+            "x.toml:31: [objective] front.reference is [1, 2]",
+        ),
+        (
+            '&\nfront = { objectives = ["time", "effort"], reference = { time = 1.0, cost = 3.0 } }',
+            "x.toml:31: [objective] front.reference: there is no objective 'cost'",
+        ),
+        ("&\nfront = { points = 10 }", "x.toml:31: [objective] front.objectives is missing"),
+        ('&\nfront = { objectives = "time,effort" }', "x.toml:31: [objective] front.objectives is 'time,effort'"),
+        ("&\n[solve]\nstarts = 0", "x.toml:32: [solve] starts is 0"),
+        ("&\n[solve]\nstart = 2", "x.toml:32: [solve] start is not allowed"),
+        ('&\n[solve]\nstarts = "many"', "x.toml:32: [solve] starts is 'many'"),
+        ('&\n[export]\nformat = "roz"', "x.toml:32: [export] format: there is no export format 'roz'"),
+        ("&\n[export]\nformat = 3", "x.toml:32: [export] format is 3"),
+        ("&\n[export]\nrate = 100.0", "x.toml:31: [export] format is missing"),
+        ('&\n[export]\nformat = "ros"\nrates = 100.0', "x.toml:33: [export] rates: ros has no option 'rates'"),
+        ('&\n[export]\nformat = "ros"\nrate = -5.0', "x.toml:33: [export] rate: rate is -5.0 Hz"),
+        ('&\nexport = "ros"', "x.toml:31: [objective] export is not allowed"),
+    ],
+    'description = "ur5"\ntool_frame = "tool0"': [
+        ("dh = []", "x.toml:5: [robot] dh: there are no rows"),
+        ("dh = [{ d = 1.0, alfa = 2.0 }]", "x.toml:5: [robot] dh: row 1: 'alfa' is not allowed"),
+        ('dh = [{ d = "long" }]', "x.toml:5: [robot] dh: row 1: d is 'long', expected a finite number"),
+        ('dh = [{ kind = "screw" }]', "x.toml:5: [robot] dh: row 1: kind is 'screw'"),
+        ('dh = [{ kind = "fixed" }]', "x.toml:5: [robot] dh: all rows are fixed"),
+        ("dh = [{ inertia = [1.0, 1.0, 1.0] }]", "x.toml:5: [robot] dh: row 1: inertia is given without a mass"),
+        ("dh = [{ mass = -1.0 }]", "x.toml:5: [robot] dh: row 1: a link's mass is -1.0 kg, expected finite and >= 0"),
+        ('dh = [{ d = 0.1 }]\nconvention = "craig"', "x.toml:6: [robot] convention is 'craig'"),
+    ],
+}
+
+
+def broken(anchor: str, instead: str) -> str:
+    """The text of a task file with one thing wrong."""
+    text = instead.replace("&", anchor)
+    for name, point in POINTS.items():
+        text = text.replace(name, point)
+    return EXAMPLE.replace(anchor, text, 1)
