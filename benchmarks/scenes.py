@@ -142,44 +142,61 @@ def retimed(path: Array, speed: Array, acceleration: Array) -> float:
     return float("nan") if found is None else float(found.duration)
 
 
-def measured(folder: Path, robot: str, scene: str, number: int, seconds: float, tries: int) -> dict[str, Any]:
-    """One problem."""
-    place, limits = folder / robot, LIMITS[robot]
-    files = [place / scene / f"{word}{number:04}.yaml" for word in ("scene", "request")]
-    row: dict[str, Any] = {"robot": robot, "scene": scene, "number": number}
+class Setting:
+    """One problem as a task file in a folder of its own, and its cell by code of the benchmark."""
+
+    def __init__(self, folder: Path, robot: str, scene: str, number: int, temporary: Path) -> None:
+        """Imports it.
+
+        Raises:
+            InputError: the package refuses it.
+        """
+        place = folder / robot
+        files = [place / scene / f"{word}{number:04}.yaml" for word in ("scene", "request")]
+        urdf, srdf, self.task = place / f"{robot}_spherized.urdf", place / f"{robot}.srdf", temporary / "task.toml"
+        changes = {f"limits.{name}": json.dumps(value) for name, value in LIMITS[robot].items()}
+        made = import_scene(*files, self.task, urdf=urdf, srdf=srdf, changes={**changes, "limits.effort": "none"})
+        write_text(self.task, made.text)
+        problem = problems.load("task", file=str(self.task))
+        self.joints, (self.start, self.goal) = problem.robot.joints, np.array(problem.case.move[0].via)
+        self.speed, self.acceleration = (np.array(problem.robot.limits.bounds(order)[1]) for order in (1, 2))
+        self.cell = Cell(SphereRobot(urdf, srdf, self.joints), files[0])
+
+    def solved(self, word: str, start: str, seconds: float, tries: int) -> dict[str, Any]:
+        """What came of a kind of start."""
+        found, took, reason = solved(self.task, start, seconds, tries)
+        row: dict[str, Any] = {word: found is not None, f"{word} s": took, f"{word} reason": reason}
+        if found is not None and found.trajectory is not None:
+            curve = found.trajectory.curve
+            row[f"{word} time"] = float(curve.duration)
+            times = np.linspace(0.0, curve.duration, SAMPLES)
+            row[f"{word} least"] = float(self.cell.clearance(curve(times)).min())
+        return row
+
+    def own(self, seconds: float, tries: int) -> dict[str, Any]:
+        """From own starts."""
+        valid = bool((self.cell.clearance(np.array([self.start, self.goal])) >= 0.0).all())
+        return {"valid": valid, **self.solved("own", "auto", seconds, tries)}
+
+    def ompl(self, seconds: float, tries: int) -> dict[str, Any]:
+        """OMPL's path, its duration by TOPP-RA, and from it as a start."""
+        path, took = ompl_path(self.cell, self.start, self.goal, 1)
+        row: dict[str, Any] = {"ompl": path is not None, "ompl s": took}
+        if path is None:
+            return row
+        row["toppra"] = retimed(path, self.speed, self.acceleration)
+        lines = [",".join(self.joints), *(",".join(map(repr, point)) for point in path.tolist())]
+        write_text(self.task.parent / "path.csv", "\n".join(lines) + "\n")
+        return row | self.solved("from ompl", "path.csv", seconds, 1)
+
+
+def measured(part: str, folder: Path, place: tuple[str, str, int], seconds: float, tries: int) -> dict[str, Any]:
+    """One part of one problem."""
     with tempfile.TemporaryDirectory() as temporary:
-        task = Path(temporary) / "task.toml"
-        changes = {f"limits.{name}": json.dumps(value) for name, value in limits.items()}
-        made = import_scene(
-            *files, task, urdf=place / f"{robot}_spherized.urdf", srdf=place / f"{robot}.srdf",
-            changes={**changes, "limits.effort": "none"},
-        )  # fmt: skip
-        write_text(task, made.text)
         try:
-            problem = problems.load("task", file=str(task))
+            return dict(getattr(Setting(folder, *place, Path(temporary)), part)(seconds, tries))
         except ot.InputError as error:
-            return row | {"refused": str(error)}
-        joints, (start, goal) = problem.robot.joints, np.array(problem.case.move[0].via)
-        sphere_robot = SphereRobot(place / f"{robot}_spherized.urdf", place / f"{robot}.srdf", joints)
-        cell = Cell(sphere_robot, files[0])
-        row["valid"] = bool((cell.clearance(np.array([start, goal])) >= 0.0).all())
-        speed, acceleration = (np.array(problem.robot.limits.bounds(order)[1]) for order in (1, 2))
-        path, row["ompl s"] = ompl_path(cell, start, goal, 1 + number)
-        row["ompl"] = path is not None
-        runs = {"own": "auto"}
-        if path is not None:
-            row["toppra"] = retimed(path, speed, acceleration)
-            lines = [",".join(joints), *(",".join(map(repr, point)) for point in path.tolist())]
-            write_text(Path(temporary) / "path.csv", "\n".join(lines) + "\n")
-            runs["from ompl"] = "path.csv"
-        for word, given in runs.items():
-            found, row[f"{word} s"], row[f"{word} reason"] = solved(task, given, seconds, tries if word == "own" else 1)
-            row[word] = found is not None
-            if found is not None and found.trajectory is not None:
-                curve = found.trajectory.curve
-                row[f"{word} time"] = float(curve.duration)
-                row[f"{word} least"] = float(cell.clearance(curve(np.linspace(0.0, curve.duration, SAMPLES))).min())
-    return row
+            return {"refused": str(error)}
 
 
 def report(rows: Sequence[dict[str, Any]]) -> bool:
@@ -216,22 +233,31 @@ def main() -> None:
     parser.add_argument("--offset", type=int, default=0, help="the first that is taken")
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--tries", type=int, default=8, help="seeds of own starts")
+    parser.add_argument("--parts", default="own,ompl", help="of each problem, in this order")
     parser.add_argument("--output", type=Path, default=Path("scenes.jsonl"))
     asked = parser.parse_args()
     toppra.setup_logging("ERROR")
-    done = [json.loads(line) for line in asked.output.read_text().splitlines()] if asked.output.exists() else []
-    known = {(row["robot"], row["scene"], row["number"]) for row in done}
     wanted = found_in(asked.folder)
     if not wanted:
         raise SystemExit(f"{asked.folder} holds no ur5/*/scene*.yaml and no panda/*/scene*.yaml; left out")
-    for place in wanted[asked.offset :: asked.every]:
-        if place not in known:
-            row = measured(asked.folder, *place, asked.seconds, asked.tries)
-            done.append(row)
+    done: dict[tuple[str, str, int], dict[str, Any]] = {}
+    parts: set[tuple[Any, ...]] = set()
+    for line in asked.output.read_text().splitlines() if asked.output.exists() else []:
+        row = json.loads(line)
+        place = row["robot"], row["scene"], row["number"]
+        parts.add((row.pop("part"), *place))
+        done.setdefault(place, {}).update(row)
+    for part in asked.parts.split(","):
+        for place in wanted[asked.offset :: asked.every]:
+            if (part, *place) in parts:
+                continue
+            row = dict(zip(("robot", "scene", "number"), place, strict=True))
+            row |= measured(part, asked.folder, place, asked.seconds, asked.tries)
+            done.setdefault(place, {}).update(row)
             with asked.output.open("a") as file:
-                file.write(json.dumps(row) + "\n")
+                file.write(json.dumps({"part": part, **row}) + "\n")
             print({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()}, flush=True)
-    raise SystemExit(not report(done))
+    raise SystemExit(not report(list(done.values())))
 
 
 if __name__ == "__main__":

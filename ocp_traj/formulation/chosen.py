@@ -78,7 +78,8 @@ class ChosenLimit(PathConstraint):
         assert self.at_least is not None and self.value is not None
         at, rows = np.nonzero(self.at_least(q, p) - self.lower < within)
         found = np.full((len(q), len(self.labels)), np.inf)
-        found[at, rows] = self.value(q[at], rows, p[at]) - self.lower[rows]
+        if len(at):
+            found[at, rows] = self.value(q[at], rows, p[at]) - self.lower[rows]
         return found
 
 
