@@ -49,6 +49,7 @@ STALLED, NEGLIGIBLE = (
     1e-6,
 )  # a round that gains less than this factor on an excess this small: back off; our choice
 WARM_ITERATIONS = 40  # a warm start that needs more is none: from a cold one some 25 are enough
+STUCK = 0.9  # times the excess of the round before: where hardly less is left, the next may begin elsewhere; our choice
 GAINS = 2.0  # a round that reduces the excess by less than this gains too little; our choice
 ABOUT = 1e-2  # of a limit's scale: a start's peak this close to its bound is where a neighbour's instant moves: ours
 NEAR = 0.15  # of a segment: a new peak this close to a moving instant replaces it
@@ -191,7 +192,7 @@ class Exchange:
                 return _tightened(problem, scalarisation, solution) if self.prove else solution
             if before / STALLED < excess < NEGLIGIBLE:
                 back_off += 2.0 * excess  # flat peaks wander for ever: stay clear of the limit by what they wander
-            instants, back = updated or instants, way_back.after(x)
+            instants, back = updated or instants, way_back.after(x, stalled=excess > STUCK * before)
             if number == 1 and back is None and self.first is None and problem.tuning.instants is None:
                 instants = _near(instants, problem, solution)
             keep = back is not None or excess > before / GAINS

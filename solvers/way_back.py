@@ -30,12 +30,12 @@ class WayBack:
         self.problem, self.x = problem, np.asarray(x0, dtype=float)
         self.depth = deepest(problem, self.x) if problem.chosen_limits else np.inf
 
-    def after(self, x: Array) -> Array | None:
-        """Where to begin after a solution ``x (n,)``; None to go on from it."""
+    def after(self, x: Array, *, stalled: bool) -> Array | None:
+        """Where to begin after a solution ``x (n,)``; None to go on from it, as long as that has not stalled."""
         if not self.problem.chosen_limits:
             return None
         depth = deepest(self.problem, x)
         if depth <= max(self.depth, FAR):
             self.x, self.depth = np.array(x), depth
             return None
-        return self.x if self.depth <= CLEARER * depth else None
+        return self.x if stalled and self.depth <= CLEARER * depth else None
