@@ -28,7 +28,7 @@ help:
 	@echo "make coverage   all tests, with their coverage"
 	@echo "make interrupts Ctrl-C at MOMENTS (20) random moments of every method; takes hours"
 	@echo "make bench-speed times beside those of an earlier commit: benchmarks/RESULTS.md; half an hour, on a quiet machine"
-	@echo "make bench-arms a random move of every arm of example-robot-data, solved and proved, or why not; some 10 s"
+	@echo "make bench-arms a random move of every arm of example-robot-data, solved and proved, or why not; half a minute"
 	@echo "make bench-ruckig random moves of a UR5 beside Ruckig's optimum: durations, proofs, seconds; minutes"
 	@echo "make bench-toppra random paths of a UR5 beside TOPP-RA: durations, proofs, excess, seconds; ten minutes"
 	@echo "make bench-clearance a proof of clearances beside coal at 10 000 instants; some 10 s"

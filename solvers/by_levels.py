@@ -46,8 +46,10 @@ class ByLevels:
         interrupted = ""
         try:
             for level in chain:
-                first = start is not None and not found
-                solution = self._from(*start, scalarisation) if first else self._level(level, scalarisation, solution)
+                if start is not None and not found:
+                    solution = self._from(*start, scalarisation)
+                else:
+                    solution = self._level(level, scalarisation, solution)
                 found.append((level, solution))
                 self.progress(len(found), len(chain), _value(solution))
             while self.refine and _is_proved(solution) and (finer := _finer(found[-1][0])) is not None:

@@ -188,7 +188,7 @@ BROKEN: dict[str, list[tuple[str, str]]] = {
         ("&stop = false\ndwell = 1.0\n", "x.toml:19: [[move]] 1 has dwell and stop = false"),
         ("&begin = { velocity = [0.1] }\n", "x.toml:29: [[move]] 1: begin.velocity has 1 number"),
         ("&begin = { acceleration = [0.1] }\n", "x.toml:29: [[move]] 1: begin.velocity is missing"),
-        ("&speed = 0.2\n", "x.toml:29: [[move]] 1: speed is of a tool path"),
+        ("&speed = 0.2\n", "x.toml:19: [[move]] 1 has speed, which is of a tool path"),
         ("&[[move]]\nstart = P2\ngoal = P1\n", "x.toml:29: [[move]] 2 has start, but begins where the one before ends"),
     ],
     'minimise = "time"': [

@@ -317,7 +317,7 @@ class MoveTable(Table):
                 raise ValueError(f"has a tolerance of a tool path and goes by {ways[0]}; give a number, or a list")
             for name in ("free_turn", "speed"):
                 if getattr(self, name):
-                    raise ValueError(f"{name} is of a tool path; leave it out, or give one of {', '.join(TOOL_WAYS)}")
+                    raise ValueError(f"has {name}, which is of a tool path; give one of {', '.join(TOOL_WAYS)}")
         return self
 
 

@@ -117,7 +117,7 @@ MEANING = {
     "move": "One table a move; one way to go in each: via, goal (with start in the first move), path, line, arc, "
     "poses. Tables that follow begin where the one before ends.",
     "move.via": "[rad or m].",
-    "move.line": "A tool path, straight, with a tolerance = { position = 1e-3, tilt = 0.035 }; the first begins at start.",
+    "move.line": "A straight tool path, with tolerance = { position = 1e-3, tilt = 0.035 }; the first begins at start.",
     "move.arc": "A tool path, round. The tool keeps its rotation, unless one is given at the end, or with_arc.",
     "move.poses": "A tool path, straight from pose to pose; without start the first move begins at the first.",
     "move.free_turn": "Of tool paths.",
@@ -127,7 +127,7 @@ MEANING = {
     "move.begin": "[rad/s, rad/s2], in place of rest.",
     "move.end": "[rad/s, rad/s2], in place of rest.",
     "move.payload": "Such as a part that is gripped.",
-    "objective": "What is minimised: time, energy, effort, movement, acceleration, jerk.",
+    "objective": "What is minimised: time, work, energy, effort, movement, acceleration, jerk.",
     "objective.front": "What `ocp-traj pareto` trades; points 40, reference the task's own without them.",
     "solve": "How hard to look.",
     "solve.starts": "Random starts, the best of which counts.",

@@ -76,12 +76,11 @@ def limit_gains(problem: Problem, scalarisation: Scalarisation, result: NLPResul
         result: a local optimum with its multipliers, over the problem's variables and whatever follows them.
 
     Returns:
-        Nothing where the multipliers are not to be had: of populations, of a point that a solver did not end in, or
-        where rows stand twice and share theirs.
+        Nothing where the multipliers are not to be had: of populations, and of a point that a solver did not end in.
     """
     bounds = result.bound_multipliers
     optimal = result.status in (Status.SOLVED, Status.ACCEPTABLE)
-    if not optimal or not result.multipliers or bounds is None or len(result.multipliers) != result.row_count:
+    if not optimal or not result.multipliers or bounds is None or result.row_multipliers is None:
         return ()
     per_f, unit = _measure(problem, scalarisation)
     parts = [*_of_rows(problem, result), *_of_variables(problem, scalarisation, bounds)]
@@ -129,7 +128,8 @@ def _of_rows(problem: Problem, result: NLPResult) -> Iterator[_Part]:
         for i, label in enumerate(limit.labels)
     }
     ids = {objective.id for objective in problem.objectives}
-    for row, multiplier in result.multipliers.items():
+    multipliers = np.zeros(0) if result.row_multipliers is None else result.row_multipliers
+    for row, multiplier in zip(result.rows, multipliers.tolist(), strict=True):
         if row.defines or multiplier == 0.0:
             continue
         pair = paths.get((row.limit, row.label)) or _range(problem, row)

@@ -110,7 +110,7 @@ class SquaresKernel(Kernel):
     def __init__(self, function: Any, dof: int) -> None:
         """Compiles the derivatives of the rows."""
         super().__init__(function, dof)
-        self.rows, self.depends = 1, self.depends.any(axis=0, keepdims=True)
+        self.rows, self.depends = 1, np.asarray(self.depends.any(axis=0, keepdims=True))
 
     def values(self, arguments: tuple[Array, ...]) -> Array:
         """Values ``(N, 1)``."""

@@ -125,6 +125,7 @@ class NLP:
             iterations=iterations,
             seconds=seconds,
             multipliers=dict(zip(self.rows, lam_g.tolist(), strict=True)),
+            rows=self.rows,
             row_multipliers=lam_g,
             bound_multipliers=lam_x,
             slacks=dict(zip(self.rows, np.minimum(g - self.lower_g, self.upper_g - g).tolist(), strict=True)),
@@ -173,7 +174,7 @@ class NLPResult:
         violation: largest scaled amount by which a row or bound is exceeded, recomputed from x.
         iterations, seconds: spent.
         multipliers: of rows.
-        row_multipliers: the same in the order of the NLP's rows ``(m,)``, among which rows may stand twice.
+        rows, row_multipliers: of the NLP ``(m,)``, among which a row may stand twice, and their multipliers.
         bound_multipliers: of the bounds on x ``(n,)``.
         slacks: of rows, scaled distance to the nearer bound, < 0 where exceeded.
         conflicts: where infeasible: the limits that cannot hold together; where locally: those that the nearest point
@@ -191,6 +192,7 @@ class NLPResult:
     iterations: int
     seconds: float
     multipliers: Mapping[Row, float] = field(default_factory=dict)
+    rows: tuple[Row, ...] = ()
     row_multipliers: Array | None = None
     bound_multipliers: Array | None = None
     slacks: Mapping[Row, float] = field(default_factory=dict)
