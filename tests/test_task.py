@@ -62,8 +62,8 @@ def test_the_command_refuses_a_broken_file_with_exit_code_2(tmp_path: Path, caps
 
 
 def test_a_task_of_the_work_cell_is_refused_by_name(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="tool_speed is not built in this version"):
-        _load(tmp_path, VIA.replace("jerk =", "tool_speed = 0.1\njerk ="))
+    with pytest.raises(InputError, match="blend is not built in this version"):
+        _load(tmp_path, VIA.replace("[[move]]", "[[move]]\nblend = 0.01"))
 
 
 def test_degrees_are_radians(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ LEFT_OUT = re.compile(r"^# (\w+) = (.*)$")
 def _places(table: type[BaseModel], prefix: str = "") -> Iterator[str]:
     """Every place of the schema, by dotted name, but what later versions build and what the program writes."""
     for name, field in table.model_fields.items():
-        place = f"{prefix}{name}"
+        place = f"{prefix}{field.alias or name}"
         if field.description and place not in WRITTEN:
             yield place
             for inner in re.findall(r"<class '[\w.]*\.(\w+)'>|(\w+)\b", str(field.annotation)):

@@ -189,7 +189,9 @@ def test_moves_follow_one_another_and_the_first_of_poses_may_open_the_branch() -
     assert first.tool_path is not None and first.tool_path.branch.startswith("the quickest of")
     assert second.tool_path is None and third.tool_path is not None and third.via is not None
     np.testing.assert_allclose(third.via[0], moves[1]["goal"], atol=0.0)
-    np.testing.assert_allclose(third.tool_path.pose[:3], problem.robot.poses([moves[1]["goal"]])[1][0], atol=1e-12)
+    np.testing.assert_allclose(
+        third.tool_path.pose[:3], problem.robot.poses([moves[1]["goal"]])[1][0], atol=1e-12
+    )
     segments = [limit.segments for limit in problem.requirements.path_constraints if limit.id == "tool-position"]
     count = sum(len(leg) for leg in route_legs(problem))
     assert len(segments) == 1 and 0 in segments[0] and count - 1 in segments[0] and len(segments[0]) < count

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +41,7 @@ class ClearanceConstraint:
     clearance: float
     eq: str = ""
     parameter: str = ""
+    _made: dict[Hashable, Any] = field(default_factory=dict, repr=False, init=False)
 
     def __post_init__(self) -> None:
         """Checks that bodies, pairs and robot fit."""
@@ -86,6 +89,12 @@ class ClearanceConstraint:
     def scale(self) -> Array:
         """Size of each row ``(rows,)`` [m]."""
         return np.full(len(self.labels), SIZE)
+
+    def made(self, key: Hashable, build: Callable[[], Any]) -> Any:
+        """Something built from the constraint, kept for the next use."""
+        if key not in self._made:
+            self._made[key] = build()
+        return self._made[key]
 
     @property
     def units(self) -> tuple[str, ...]:

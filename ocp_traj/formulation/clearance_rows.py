@@ -14,14 +14,27 @@ from ocp_traj.robot.pair_distances import CONSTANTS, PairDistances
 
 
 def clearance_rows(constraint: ClearanceConstraint, parameters: tuple[str, ...]) -> ChosenLimit:
-    """The rows of a constraint on distances, as functions of the state.
+    """The rows of a constraint on distances, as functions of the state, made once.
 
     Args:
         constraint: which bodies keep how far apart.
         parameters: of the trajectory; one of them may take the place of the clearance.
     """
-    bodies = constraint.bodies
-    distances = PairDistances(constraint.robot, [(bodies[i], bodies[j]) for i, j in constraint.pairs])
+    rows: ChosenLimit = constraint.made(("rows", parameters), lambda: _made(constraint, parameters))
+    return rows
+
+
+def distances_of(constraint: ClearanceConstraint) -> PairDistances:
+    """Of the constraint's pairs, made once."""
+    bodies, pairs = constraint.bodies, constraint.pairs
+    found: PairDistances = constraint.made(
+        "distances", lambda: PairDistances(constraint.robot, [(bodies[i], bodies[j]) for i, j in pairs])
+    )
+    return found
+
+
+def _made(constraint: ClearanceConstraint, parameters: tuple[str, ...]) -> ChosenLimit:
+    bodies, distances = constraint.bodies, distances_of(constraint)
     asked = parameters.index(constraint.parameter) if constraint.parameter else None
     made: dict[Any, Expression] = {}
     for distance in distances.expressions:

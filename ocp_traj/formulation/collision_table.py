@@ -127,8 +127,16 @@ class CollisionTable(Table):
         description='"urdf" for the collision geometry of the robot\'s URDF, its meshes in capsules, or "given" for '
         "[[collision.link]] alone",
     )
-    link: list[LinkTable] = Field([], description="tables, [[collision.link]]")
-    obstacle: list[ObstacleTable] = Field([], description="tables, [[collision.obstacle]]")
+    link: list[LinkTable] = Field(
+        [],
+        description="tables, [[collision.link]]: frame, and from, to, radius of a capsule, or one of sphere, capsule, "
+        'cylinder, box; the frame "tool" is that of the task',
+    )
+    obstacle: list[ObstacleTable] = Field(
+        [],
+        description="tables, [[collision.obstacle]]: name, and one of sphere = { centre, radius }, "
+        "capsule = { from, to, radius }, cylinder likewise, box = { centre, size, rpy }, plane = { normal, offset }",
+    )
     own: bool = Field(True, alias="self", description="true or false: whether the robot keeps clear of itself")
     clearance: Mass = Field(0.0, description="a distance to all obstacles [length], 0 or more")
     self_clearance: Mass = Field(0.0, description="a distance between the robot's own bodies [length], 0 or more")

@@ -17,6 +17,7 @@ from ocp_traj.display import Shown, count
 from ocp_traj.errors import ProblemDefinitionError, UnknownName, cut, quoted
 from ocp_traj.formulation.about import About
 from ocp_traj.formulation.chosen import ChosenLimit
+from ocp_traj.formulation.clearance_rows import clearance_rows
 from ocp_traj.formulation.objective import Objective, rule_name
 from ocp_traj.formulation.requirements import PathConstraint, Requirements, state_function
 from ocp_traj.formulation.tuning import Tuning
@@ -140,7 +141,6 @@ class Problem(Shown):
         tuning: how it is solved well.
         levels: the problems of the same motion with fewer and more pieces, by which it is solved; None for none.
         about: what is said of it to people.
-        chosen_limits: what the NLP imposes in place of requirements that are no expressions; see ``ChosenLimit``.
     """
 
     id: str
@@ -164,7 +164,6 @@ class Problem(Shown):
     tuning: Tuning = Tuning()
     levels: Levels | None = None
     about: About = About()
-    chosen_limits: tuple[ChosenLimit, ...] = ()
     _functions: dict[Hashable, Any] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
@@ -214,6 +213,12 @@ class Problem(Shown):
         for objective in self.objectives:
             if objective.variation is not None:
                 self.variation(objective)
+
+    @property
+    def chosen_limits(self) -> tuple[ChosenLimit, ...]:
+        """What the NLP imposes in place of requirements that are no expressions, the distances between bodies."""
+        requirements = self.requirements
+        return tuple(clearance_rows(limit, requirements.parameters) for limit in requirements.clearance_constraints)
 
     @property
     def path_limits(self) -> tuple[PathConstraint, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,9 +12,8 @@ import numpy as np
 
 from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError
-from ocp_traj.formulation.chosen import ChosenLimit
 from ocp_traj.formulation.clearance import ClearanceConstraint
-from ocp_traj.formulation.clearance_rows import clearance_rows
+from ocp_traj.formulation.clearance_rows import distances_of
 from ocp_traj.formulation.collision_resolution import bodies_of, pairs_of
 from ocp_traj.formulation.collision_table import CollisionTable
 from ocp_traj.formulation.detours import around
@@ -27,7 +26,9 @@ from ocp_traj.robot.robot import Robot
 CLEARANCE = "clearance"  # objective, and parameter of a trajectory: the distance to all obstacles that it keeps
 OBSTACLES, OWN = "obstacles", "self-collision"  # limits
 ROOM = 1e-3  # [m] of the clearance above the least one, even where the ends leave less: our choice
-RESERVE = 1e-7  # [m] by which a clearance is reported short of what was found, so that it can be proved: our choice
+RESERVE = (
+    1e-4  # [m] by which a clearance is told short of what was found: what a controller makes of a motion is within
+)
 DENSE = 65  # samples a segment of a search for the least distance: our choice
 
 
@@ -42,7 +43,6 @@ class Clear:
 
     name: str
     constraints: tuple[ClearanceConstraint, ...]
-    _rows: dict[tuple[str, ...], tuple[ChosenLimit, ...]] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, name: str, table: CollisionTable, robot: Robot) -> Clear:
@@ -68,7 +68,7 @@ class Clear:
     @cached_property
     def distances(self) -> tuple[PairDistances, ...]:
         """Of the pairs of each constraint."""
-        return tuple(PairDistances(c.robot, [(c.bodies[i], c.bodies[j]) for i, j in c.pairs]) for c in self.constraints)
+        return tuple(distances_of(constraint) for constraint in self.constraints)
 
     def room(self, q: Array) -> Array:
         """By how much the nearest bodies are farther apart than they have to be, at postures ``(N, dof)``: ``(N,)``."""
@@ -102,12 +102,6 @@ class Clear:
         (distances,) = (d for c, d in zip(self.constraints, self.distances, strict=True) if c.id == OBSTACLES)
         return float(distances.least(np.array(points)).min())
 
-    def rows(self, parameters: tuple[str, ...]) -> tuple[ChosenLimit, ...]:
-        """The constraints as the NLP has them, for trajectories with some parameters; made once."""
-        if parameters not in self._rows:
-            self._rows[parameters] = tuple(clearance_rows(constraint, parameters) for constraint in self.constraints)
-        return self._rows[parameters]
-
     @property
     def keeps_off_obstacles(self) -> bool:
         """Whether there are obstacles."""
@@ -131,8 +125,7 @@ def with_clearance(
     requirements = problem.requirements
     if not clear.keeps_off_obstacles:
         requirements = replace(requirements, clearance_constraints=clear.constraints)
-        rows = clear.rows(requirements.parameters)
-        return replace(problem, requirements=requirements, chosen_limits=rows, guess=guess)
+        return replace(problem, requirements=requirements, guess=guess)
     n, dilate, parameters, read = problem.size, problem.dilate, problem.parameters, problem.variables_of
     (asked,) = (c.clearance for c in clear.constraints if c.id == OBSTACLES)
     most = max(clear.most([q for _, q in points]), asked + ROOM)
@@ -143,7 +136,7 @@ def with_clearance(
 
     def tighten(x: Array) -> Array:
         tight = np.array(x, dtype=float)
-        tight[n] = np.clip(_along(clear, made.curve(tight[:n])) - RESERVE, asked, most)
+        tight[n] = np.clip(_along(clear, made.curve(tight[:n])) - RESERVE, tight[n], most)
         return tight
 
     return replace(
@@ -159,7 +152,6 @@ def with_clearance(
         variables_of=read and (lambda motion: np.append(read(motion), motion.parameters.get(CLEARANCE, asked))),
         reference_point={**problem.reference_point, CLEARANCE: asked},
         tighten_slacks=tighten,
-        chosen_limits=clear.rows(requirements.parameters),
     )
 
 

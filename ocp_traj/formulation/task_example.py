@@ -59,6 +59,8 @@ GIVEN = {
 TO_COPY = {
     "units": '{ angle = "deg", length = "mm" }',
     "payload": "1.5",
+    "collision": '{ clearance = 0.01, link = [{ frame = "tool", sphere = { centre = [0.0, 0.0, 0.1], radius = 0.05 } }]'
+    ', obstacle = [{ name = "floor", plane = { normal = [0.0, 0.0, 1.0], offset = -0.4 } }] }',
     "robot.description": '"ur5"',
     "robot.urdf": '"arm.urdf"',
     "robot.base": "{ xyz = [0.0, 0.0, 0.6], rpy = [0.0, 0.0, 1.5708] }",
@@ -89,6 +91,7 @@ MEANING = {
     "units": "What joints, points, their limits, dh, tool and com are given in; [rad] and [m] without it.",
     "payload": "In place of the mass of robot.payload.",
     "free_payload": "For `ocp-traj payload`.",
+    "collision": "What the robot keeps clear of, whole bodies at every instant; see examples/tasks/ur5-obstacles.toml.",
     "robot": "Which robot: one of description, urdf, dh. These rows are an arm much like a UR5; write your own.",
     "robot.description": 'Of the extra: pip install "ocp-traj[robots]".',
     "robot.dh": f"Of the keys {', '.join(KEYS)}: theta and alpha [rad], d and a [m], kind revolute, prismatic or "
@@ -150,7 +153,11 @@ EXPORT = {
     "coupling": ("1", "Of fanuc: of joint 2 into joint 3 as shown, 1, -1 or 0; from the axes without it."),
     "tool": ("1", "Of fanuc: number of the tool, 1 to 10."),
 }
-WRITTEN = ("source", "robot.numbers", "move.geometry")  # by the program, into trajectories: of no use in a file
+# By the program, into trajectories: of no use in a file.
+WRITTEN = (
+    "source", "robot.numbers", "move.geometry", "collision.bodies", "collision.pairs", "collision.own_pairs",
+    "collision.touching",
+)  # fmt: skip
 
 
 def task_example() -> str:
@@ -183,7 +190,9 @@ def _key(table: type[BaseModel], name: str, prefix: str) -> list[str]:
     lines = ["", *_comment(f"{name}: {words}")]
     if (inner := _table_in(field.annotation)) is not None:
         for key, own in inner.model_fields.items():
-            lines += [f"#   {line.removeprefix('# ')}" for line in _comment(f"{key}: {own.description}")]
+            if f"{place}.{key}" not in WRITTEN:
+                told = _comment(f"{own.alias or key}: {own.description}")
+                lines += [f"#   {line.removeprefix('# ')}" for line in told]
     value = GIVEN.get(place) or TO_COPY.get(place)
     if value is None and field.default is not None and not isinstance(field.default, BaseModel):
         value = json.dumps(field.default)

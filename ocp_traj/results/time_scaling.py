@@ -15,8 +15,9 @@ import numpy as np
 from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import difference_matrix, turning_values
 from ocp_traj.errors import InputError
+from ocp_traj.formulation.clearance import ClearanceConstraint
 from ocp_traj.formulation.problem import Problem
-from ocp_traj.formulation.requirements import Requirements
+from ocp_traj.formulation.requirements import PathConstraint, Requirements
 from ocp_traj.interval.tape import Tape
 from ocp_traj.proof.verdicts import Audit
 from ocp_traj.results.trajectory import audit_points
@@ -68,9 +69,12 @@ def largest_excess(problem: Problem, checked: Audit) -> float:
 
 def excess_over(requirements: Requirements, checked: Audit) -> float:
     """``largest_excess``, of limits that no problem stands for."""
+    limits: list[PathConstraint | ClearanceConstraint] = [
+        *requirements.path_constraints, *requirements.clearance_constraints,
+    ]  # fmt: skip
     scale = {
         (limit.id, label): float(size)
-        for limit in (*requirements.path_constraints, *requirements.clearance_constraints)
+        for limit in limits
         for label, size in zip(limit.labels, limit.scale, strict=True)
     }
     rows = [row for row in checked.failures if (row.limit, row.label) in scale]

@@ -19,6 +19,7 @@ from ocp_traj.arrays import Array, Index
 from ocp_traj.mapped import Mapped
 from ocp_traj.robot.bodies import BOX, CAPSULE, CYLINDER, HALF_SPACE, SPHERE, Body
 from ocp_traj.robot.body_distances import BOXES, CYLINDERS, HALF_SPACES, SEGMENTS, Cores, nearest
+from ocp_traj.robot.cylinder_separation import cylinder_plane, segment_cylinder
 from ocp_traj.robot.pair_bounds import PairBounds
 from ocp_traj.robot.placements import placements_function
 from ocp_traj.robot.robot import Robot
@@ -26,9 +27,7 @@ from ocp_traj.robot.separation import (
     TOUCHING,
     Nearest,
     box_plane,
-    cylinder_plane,
     segment_box,
-    segment_cylinder,
     segment_plane,
     segment_segment,
 )

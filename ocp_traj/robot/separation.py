@@ -16,13 +16,12 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ocp_traj.arrays import Array
+from ocp_traj.arrays import Array, Index
 
 PARALLEL = (
     1e-6  # of the sine squared between two edges: below it they count as parallel, and one is a point; our choice
 )
 TOUCHING = 1e-9  # [m] between cores: below it their direction is no normal; our choice
-HALVINGS = 50  # of [0, 1], to the last digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +49,13 @@ class Nearest:
     @classmethod
     def empty(cls, count: int) -> Nearest:
         """Of so many pairs, to be filled."""
-        vectors = (np.zeros((count, 3)) for _ in range(5))
-        return cls(np.zeros(count), *vectors, np.zeros(count), np.zeros(count))
+        sizes = {name: (count,) if name in ("distance", "flat", "grown") else (count, 3) for name in cls.names()}
+        return cls(**{name: np.zeros(size) for name, size in sizes.items()})
+
+    @classmethod
+    def names(cls) -> list[str]:
+        """Its fields."""
+        return [field.name for field in fields(cls)]
 
     def turned(self, rotation: Array, place: Array) -> Nearest:
         """The same, told in frames turned ``(N, 3, 3)`` and moved ``(N, 3)`` against those it was found in."""
@@ -64,26 +68,27 @@ class Nearest:
             turn(self.normal), self.flat, self.grown,
         )  # fmt: skip
 
-    def put(self, places: Array, found: Nearest) -> None:
+    def put(self, places: Index, found: Nearest) -> None:
         """Writes what was found at some places."""
-        for field in fields(self):
-            getattr(self, field.name)[places] = getattr(found, field.name)
+        for name in self.names():
+            getattr(self, name)[places] = getattr(found, name)
 
 
-def _dot(a: Array, b: Array) -> Array:
+def dot(a: Array, b: Array) -> Array:
+    """Scalar products of vectors."""
     return np.asarray(np.einsum("...i,...i->...", a, b))
 
 
-def _unit(vectors: Array) -> Array:
+def unit(vectors: Array) -> Array:
     """Unit vectors of ``(N, 3)``; zero of those that are zero."""
     size = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0.0)
+    return np.asarray(np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0.0))
 
 
 def _perpendicular(vectors: Array) -> Array:
     """Some unit vector perpendicular to each of ``(N, 3)``."""
     axis = np.eye(3)[np.argmin(np.abs(vectors), axis=-1)]
-    return _unit(np.cross(vectors, axis)) + np.where(np.any(vectors != 0.0, axis=-1, keepdims=True), 0.0, axis)
+    return unit(np.cross(vectors, axis)) + np.where(np.any(vectors != 0.0, axis=-1, keepdims=True), 0.0, axis)
 
 
 def segment_segment(a: Array, b: Array) -> Nearest:
@@ -92,8 +97,8 @@ def segment_segment(a: Array, b: Array) -> Nearest:
     Where the cores cross, the normal is perpendicular to both.
     """
     d_a, d_b, r = a[:, 1] - a[:, 0], b[:, 1] - b[:, 0], a[:, 0] - b[:, 0]
-    aa, bb, ab = _dot(d_a, d_a), _dot(d_b, d_b), _dot(d_a, d_b)
-    c, f = _dot(d_a, r), _dot(d_b, r)
+    aa, bb, ab = dot(d_a, d_a), dot(d_b, d_b), dot(d_a, d_b)
+    c, f = dot(d_a, r), dot(d_b, r)
     long_a, long_b = aa > TOUCHING**2, bb > TOUCHING**2
     safe_a, safe_b = np.where(long_a, aa, 1.0), np.where(long_b, bb, 1.0)
     det = aa * bb - ab * ab
@@ -110,15 +115,15 @@ def segment_segment(a: Array, b: Array) -> Nearest:
     inner_a, inner_b = long_a & (s > 0.0) & (s < 1.0), long_b & (t > 0.0) & (t < 1.0)
     inner_a &= skew | ~inner_b
     point_a, point_b = a[:, 0] + s[:, None] * d_a, b[:, 0] + t[:, None] * d_b
-    edge_a, edge_b = _unit(d_a) * inner_a[:, None], _unit(d_b) * inner_b[:, None]
+    edge_a, edge_b = unit(d_a) * inner_a[:, None], unit(d_b) * inner_b[:, None]
     apart = point_a - point_b
     distance = np.linalg.norm(apart, axis=1)
     crossing = distance <= TOUCHING
     across = np.cross(d_a, d_b)
     across = np.where((skew & crossing)[:, None], across, _perpendicular(d_a + d_b))
-    normal = np.where(crossing[:, None], _unit(across), _unit(apart))
+    normal = np.where(crossing[:, None], unit(across), unit(apart))
     clear = np.where(crossing[:, None], 0.0, 1.0)
-    distance = np.where(crossing, _dot(normal, apart), distance)
+    distance = np.where(crossing, dot(normal, apart), distance)
     none = np.zeros(len(a))
     return Nearest(distance, point_a, point_b, edge_a * clear, edge_b * clear, normal, crossing.astype(float), none)
 
@@ -141,10 +146,10 @@ def _over_plane(points: Array, heights: Array, normal: Array) -> Nearest:
     lowest = np.argmin(heights, axis=1)
     rows = np.arange(len(points))
     distance, point = heights[rows, lowest], points[rows, lowest]
-    return _flat(distance, point, normal)
+    return by_normal(distance, point, normal)
 
 
-def _flat(distance: Array, point_a: Array, normal: Array) -> Nearest:
+def by_normal(distance: Array, point_a: Array, normal: Array) -> Nearest:
     """Of points of a at distances along normals that stay."""
     none, count = np.zeros_like(point_a), len(distance)
     point_b = point_a - distance[:, None] * normal
@@ -171,13 +176,13 @@ def segment_box(a: Array, centre: Array, rotation: Array, half: Array) -> Neares
     count = free.sum(axis=1)
     length = np.linalg.norm(step, axis=1)
     inner = (t > 0.0) & (t < 1.0) & (length > TOUCHING)
-    edge_a = _unit(step) * inner[:, None]
+    edge_a = unit(step) * inner[:, None]
     edge_b = free * (count == 1)[:, None] * 1.0
-    parallel = 1.0 - _dot(edge_a, edge_b) ** 2 <= PARALLEL
+    parallel = 1.0 - dot(edge_a, edge_b) ** 2 <= PARALLEL
     edge_a = edge_a * ~parallel[:, None]
     flat = (count == 2).astype(float)
     round_ = edge_a * (flat == 0.0)[:, None]
-    found = Nearest(distance, point, on_box, round_, edge_b, _unit(apart), flat, np.zeros(len(a)))
+    found = Nearest(distance, point, on_box, round_, edge_b, unit(apart), flat, np.zeros(len(a)))
     inside = np.flatnonzero(distance <= TOUCHING)
     if len(inside):
         found.put(inside, _through_box(begin[inside], step[inside], half[inside]))
@@ -235,80 +240,4 @@ def _through_box(begin: Array, step: Array, half: Array) -> Nearest:
     normal = np.where(by_face[:, None], faces[face], across[rows, edge])
     distance = np.where(by_face, gaps[rows, face], edge_gaps[rows, edge])
     which = np.where(by_face, np.argmin(heights[rows, face], axis=1), 0)
-    return _flat(distance, ends[rows, which], normal)
-
-
-def segment_cylinder(a: Array, centre: Array, rotation: Array, half: Array) -> Nearest:
-    """Of segments from solid cylinders; of those that run through one, d is no more than how deep they are.
-
-    Args:
-        a: ends ``(N, 2, 3)`` [m].
-        centre: ``(N, 3)`` [m].
-        rotation: ``(N, 3, 3)``, its third column the axis.
-        half: radius, radius and half the height ``(N, 3)`` [m].
-    """
-    local = np.einsum("nji,nkj->nki", rotation, a - centre[:, None])
-    begin, step = local[:, 0], local[:, 1] - local[:, 0]
-    radius, height = half[:, 0], half[:, 2]
-
-    def beyond(t: Array) -> Array:
-        point = begin + t[:, None] * step
-        off = np.hypot(point[:, 0], point[:, 1])
-        share = np.where(off > radius, 1.0 - radius / np.where(off > 0.0, off, 1.0), 0.0)
-        rise = point[:, 2] - np.clip(point[:, 2], -height, height)
-        return np.column_stack([point[:, :2] * share[:, None], rise])
-
-    # The squared distance is convex: its slope along the segment only rises.
-    low, high = np.zeros(len(a)), np.ones(len(a))
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        rising = _dot(beyond(middle), step) >= 0.0
-        low, high = np.where(rising, low, middle), np.where(rising, middle, high)
-    ends = np.stack([_dot(beyond(np.full(len(a), end)), step) for end in (0.0, 1.0)])
-    t = np.where(ends[0] >= 0.0, 0.0, np.where(ends[1] <= 0.0, 1.0, 0.5 * (low + high)))
-    apart, point = beyond(t), begin + t[:, None] * step
-    distance = np.linalg.norm(apart, axis=1)
-    inner = (t > 0.0) & (t < 1.0)
-    side = (np.abs(point[:, 2]) < height) & (np.abs(apart[:, 2]) == 0.0)
-    axis = np.array([0.0, 0.0, 1.0])
-    along = _unit(step) * inner[:, None]
-    skew = 1.0 - along[:, 2] ** 2 > PARALLEL
-    edge_a = along * (side & skew)[:, None]
-    edge_b = side[:, None] * axis
-    point_b = np.where(side[:, None], point * axis, point - apart)
-    grown = np.where(side, radius, 0.0)
-    found = Nearest(distance, point, point_b, edge_a, edge_b, _unit(apart), 1.0 - side, grown)
-    inside = np.flatnonzero(distance <= TOUCHING)
-    if len(inside):
-        found.put(inside, _through_cylinder(begin[inside], step[inside], radius[inside], height[inside]))
-    return found.turned(rotation, centre)
-
-
-def _through_cylinder(begin: Array, step: Array, radius: Array, height: Array) -> Nearest:
-    """Of segments that run through a cylinder about the origin: the least way out, over its ends or straight aside."""
-    ends, rows = np.stack([begin, begin + step], axis=1), np.arange(len(begin))
-    caps = np.stack([ends[:, :, 2].min(axis=1) - height, -ends[:, :, 2].max(axis=1) - height], axis=1)
-    flat = step[:, :2]
-    size = (flat**2).sum(axis=1)
-    t = np.clip(-(begin[:, :2] * flat).sum(axis=1) / np.where(size > 0.0, size, 1.0), 0.0, 1.0)
-    near = begin + t[:, None] * step
-    off = np.hypot(near[:, 0], near[:, 1])
-    sideways = np.where((off > TOUCHING)[:, None], near[:, :2], np.column_stack([-flat[:, 1], flat[:, 0]]))
-    sideways = np.where((np.abs(sideways).max(axis=1) > 0.0)[:, None], sideways, np.array([1.0, 0.0]))
-    radial = np.column_stack([_unit(sideways), np.zeros(len(begin))])
-    aside, cap = off - radius, np.argmax(caps, axis=1)
-    by_cap = caps[rows, cap] >= aside
-    normal = np.where(by_cap[:, None], np.where(cap == 0, 1.0, -1.0)[:, None] * np.array([0.0, 0.0, 1.0]), radial)
-    which = np.argmin(np.where((cap == 0)[:, None], ends[:, :, 2], -ends[:, :, 2]), axis=1)
-    point = np.where(by_cap[:, None], ends[rows, which], near)
-    return _flat(np.where(by_cap, caps[rows, cap], aside), point, normal)
-
-
-def cylinder_plane(centre: Array, rotation: Array, half: Array, normal: Array, offset: Array) -> Nearest:
-    """Of solid cylinders from half-spaces normal . x <= offset; see ``segment_cylinder`` for cylinders."""
-    down = -np.einsum("nji,nj->ni", rotation, normal)
-    out = _unit(np.column_stack([down[:, :2], np.zeros(len(down))])) * half[:, :1]
-    end = np.where(down[:, 2] >= 0.0, half[:, 2], -half[:, 2])
-    lowest = out + end[:, None] * np.array([0.0, 0.0, 1.0])
-    point = centre + np.einsum("nij,nj->ni", rotation, lowest)
-    return _flat(_dot(point, normal) - offset, point, normal)
+    return by_normal(distance, ends[rows, which], normal)
