@@ -1,8 +1,8 @@
-"""Problems of MotionBenchMaker in clutter: solved and proved from own starts, and from those of OMPL; durations beside it.
+"""Problems of MotionBenchMaker in clutter: solved and proved from own starts and from OMPL's, durations beside it.
 
 A folder has to hold, for each of ``ur5`` and ``panda``, ``ROBOT_spherized.urdf``, ``ROBOT.srdf`` and folders with
-``sceneNNNN.yaml`` and ``requestNNNN.yaml``; see docs/formats.md. Each finished problem is a line of a file, so that a run
-which was stopped goes on where it was. A proved motion is looked at in 100 000 places by code of its own
+``sceneNNNN.yaml`` and ``requestNNNN.yaml``; see docs/formats.md. Each finished part of a problem is a line of a file:
+a run that was stopped goes on where it was. A proved motion is looked at in 100 000 places by code of its own
 (``sphere_robot``). Seconds are of the processor, building and proof included; a start that has not led to a proof after
 ``--seconds`` counts as failed, and so does a problem after as many.
 
@@ -74,7 +74,7 @@ def budget(seconds: float) -> Iterator[None]:
 
 
 def solved(task: Path, start: str, seconds: float, tries: int) -> tuple[Solution | None, float, str]:
-    """The first proved solution from seeds 0, 1, .. within a budget, the seconds it took, and the last reason if none."""
+    """The first proved solution from seeds 0, 1, .. within a budget, the seconds it took, and why not, if not."""
     begun, reason = time.process_time(), ""
     for seed in range(tries):
         left = seconds - (time.process_time() - begun)
@@ -136,7 +136,10 @@ def retimed(path: Array, speed: Array, acceleration: Array) -> float:
     """The duration that TOPP-RA gives a spline through a path's points, with limits on velocity and acceleration."""
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     spline = toppra.SplineInterpolator(lengths, path)
-    limits = [JointVelocityConstraint(np.stack([-speed, speed], 1)), JointAccelerationConstraint(np.stack([-acceleration, acceleration], 1))]
+    limits = [
+        JointVelocityConstraint(np.stack([-speed, speed], 1)),
+        JointAccelerationConstraint(np.stack([-acceleration, acceleration], 1)),
+    ]
     grid = np.linspace(0.0, lengths[-1], GRID + 1)
     found = TOPPRA(limits, spline, gridpoints=grid, parametrizer="ParametrizeConstAccel").compute_trajectory()
     return float("nan") if found is None else float(found.duration)
@@ -199,29 +202,37 @@ def measured(part: str, folder: Path, place: tuple[str, str, int], seconds: floa
             return {"refused": str(error)}
 
 
+COLUMNS = {
+    "robot": "", "scene": "", "number": 0, "own": None, "own s": np.nan, "own time": np.nan, "own least": np.nan,
+    "ompl": None, "ompl s": np.nan, "toppra": np.nan, "from ompl": None, "from ompl s": np.nan,
+    "from ompl time": np.nan, "from ompl least": np.nan,
+}  # fmt: skip
+
+
 def report(rows: Sequence[dict[str, Any]]) -> bool:
     """Prints the table and the sums; whether no proof is contradicted."""
-    table = pd.DataFrame(rows)
-    shown = [c for c in ("robot", "scene", "number", "own", "own s", "own time", "own least", "ompl", "ompl s", "toppra", "from ompl", "from ompl s", "from ompl time", "from ompl least") if c in table]
-    print(table[shown].round(4).to_string(index=False))
-    for robot, own in table.groupby("robot"):
-        ompl = own[own["ompl"] == True] if "ompl" in own else own[:0]  # noqa: E712
-        print(
-            f"{robot}: {len(own)} problems; from own starts {int(own['own'].eq(True).sum())} solved and proved, seconds median "
-            f"{own.loc[own['own'].eq(True), 'own s'].median():.1f}; OMPL solves {len(ompl)}, of which from its path "
-            f"{int(ompl['from ompl'].eq(True).sum())}; duration over TOPP-RA's of OMPL's path: median "
-            f"{(own['own time'] / own['toppra']).median():.3f} from own starts, "
-            f"{(own['from ompl time'] / own['toppra']).median():.3f} from OMPL's"
-        )
-    for row in rows:
+    table = pd.DataFrame([{name: row.get(name, default) for name, default in COLUMNS.items()} for row in rows])
+    print(table.round(4).to_string(index=False))
+    for robot, part in table.groupby("robot"):
+        print(f"{robot}: {len(part)} problems")
         for word in ("own", "from ompl"):
-            if row.get(f"{word} reason"):
-                print(f"{row['robot']} {row['scene']} {row['number']}, {word}: {row[f'{word} reason']}")
-        if row.get("refused"):
-            print(f"{row['robot']} {row['scene']} {row['number']}: refused: {row['refused']}")
-    least = [row[key] for row in rows for key in ("own least", "from ompl least") if key in row]
-    wrong = sum(value < 0.0 for value in least)
-    print(f"{len(least)} proofs, {wrong} contradicted by {SAMPLES} samples a motion; the least clearance of all is {min(least, default=np.nan):.3g} m")
+            tried, done = part[part[word].notna()], part[part[word].eq(True)]
+            ratio = (done[f"{word} time"] / done["toppra"]).dropna()
+            print(
+                f"  {word}: {len(done)} of {len(tried)} solved and proved, in {done[f'{word} s'].median():.1f} s in "
+                f"the median; duration over that of TOPP-RA on OMPL's path: median {ratio.median():.3f} of {len(ratio)}"
+            )
+        asked = part[part["ompl"].notna()]
+        print(f"  OMPL: {int(asked['ompl'].eq(True).sum())} of {len(asked)}, in {asked['ompl s'].median():.1f} s")
+    for row in rows:
+        words = [f"{word}: {row[f'{word} reason']}" for word in ("own", "from ompl") if row.get(f"{word} reason")]
+        for reason in [*words, *([f"refused: {row['refused']}"] if row.get("refused") else [])]:
+            print(f"{row['robot']} {row['scene']} {row['number']}, {reason}")
+    least = table[["own least", "from ompl least"]].to_numpy().ravel()
+    least = least[np.isfinite(least)]
+    wrong = int((least < 0.0).sum())
+    nearest = f"; the least clearance of all is {least.min():.3g} m" if len(least) else ""
+    print(f"{len(least)} proofs, {wrong} contradicted by {SAMPLES} samples a motion{nearest}")
     return wrong == 0
 
 

@@ -146,10 +146,12 @@ class Cell:
             turn, place = _pose(item.get("pose") or {})
             for primitive, pose in zip(item["primitives"], item["primitive_poses"], strict=True):
                 own, at = _pose(pose)
-                self.bodies.append((primitive["type"], np.array(primitive["dimensions"]), turn @ own, turn @ at + place))
+                self.bodies.append(
+                    (primitive["type"], np.array(primitive["dimensions"]), turn @ own, turn @ at + place)
+                )
 
     def clearance(self, q: Array) -> Array:
-        """The least distance at postures ``(N, n)``, ``(N,)``: of spheres that move from bodies, and from each other."""
+        """The least distance at postures ``(N, n)``, ``(N,)``: of spheres that move from bodies and from each other."""
         return np.concatenate([self._clearance(q[i : i + CHUNK]) for i in range(0, len(q), CHUNK)])
 
     def _clearance(self, q: Array) -> Array:
@@ -157,7 +159,10 @@ class Cell:
         least = self.robot._between(centres).min(axis=1)
         moving = ~self.robot.fixed
         for kind, sizes, turn, place in self.bodies:
-            least = np.minimum(least, (_outside(kind, sizes, (centres[:, moving] - place) @ turn) - self.robot.radii[moving]).min(axis=1))
+            least = np.minimum(
+                least,
+                (_outside(kind, sizes, (centres[:, moving] - place) @ turn) - self.robot.radii[moving]).min(axis=1),
+            )
         return np.asarray(least)
 
 
@@ -178,7 +183,9 @@ def _outside(kind: str, sizes: Array, points: Array) -> Array:
         return np.asarray(np.linalg.norm(points, axis=-1) - sizes[0])
     if kind == "cylinder":
         height, radius = sizes
-        beyond = np.stack([np.hypot(points[..., 0], points[..., 1]) - radius, np.abs(points[..., 2]) - 0.5 * height], -1)
+        beyond = np.stack(
+            [np.hypot(points[..., 0], points[..., 1]) - radius, np.abs(points[..., 2]) - 0.5 * height], -1
+        )
     else:
         beyond = np.abs(points) - 0.5 * sizes
     return np.asarray(np.linalg.norm(np.maximum(beyond, 0.0), axis=-1) + np.minimum(beyond.max(axis=-1), 0.0))

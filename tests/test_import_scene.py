@@ -1,4 +1,5 @@
 import copy
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -6,7 +7,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-import tomllib
 import yaml
 
 from ocp_traj.cli.commands import run
@@ -59,7 +59,9 @@ SCENE: dict[str, Any] = {
                 "id": "wall",
                 "pose": {"position": [1.0, 0.0, 0.5], "orientation": [0.0, 0.0, HALF, HALF]},
                 "primitives": [{"type": "box", "dimensions": [0.2, 0.1, 0.4]}],
-                "primitive_poses": [{"position": [0.1, 0.0, 0.0], "orientation": {"x": HALF, "y": 0, "z": 0, "w": HALF}}],
+                "primitive_poses": [
+                    {"position": [0.1, 0.0, 0.0], "orientation": {"x": HALF, "y": 0, "z": 0, "w": HALF}}
+                ],
             },
             {
                 "id": "posts",
@@ -154,9 +156,11 @@ def test_a_robot_by_name_and_joints_that_stay(tmp_path: Path) -> None:
     names = [f"panda_joint{i}" for i in range(1, 8)]
     fingers = ["panda_finger_joint1", "panda_finger_joint2"]
     request = {
-        "start_state": {"joint_state": {"name": names + fingers, "position": [0, -0.785, 0, -2.356, 0, 1.571, 0.785, 0.02, 0.02]}},
+        "start_state": {
+            "joint_state": {"name": names + fingers, "position": [0, -0.785, 0, -2.356, 0, 1.571, 0.785, 0.02, 0.02]}
+        },
         "goal_constraints": [{"joint_constraints": [{"joint_name": n, "position": -0.5} for n in names]}],
-    }  # fmt: skip
+    }
     files = written(tmp_path, {"world": {}}, request)
     made = import_scene(*files, tmp_path / "task.toml", changes={"robot.description": "panda", **LIMITS})
     task = tomllib.loads(made.text)
@@ -208,45 +212,81 @@ WRONG_SCENES: list[tuple[Any, str]] = [
     (put("world", "collision_objects", {"id": "wall"}), "world.collision_objects is {'id': 'wall'}; give a list"),
     (drop(*WALL, "id"), "world.collision_objects[0].id is missing or empty; give a name"),
     (put(*POSTS, "id", "wall"), "world.collision_objects[1].id is 'wall', as is world.collision_objects[0].id"),
-    (put(*WALL, "meshes", [{"triangles": [], "vertices": []}]), "world.collision_objects[0].meshes are a part of 'wall'; meshes are not"),
+    (
+        put(*WALL, "meshes", [{"triangles": [], "vertices": []}]),
+        "world.collision_objects[0].meshes are a part of 'wall'; meshes are not",
+    ),
     (put(*WALL, "planes", [{"coef": [0, 0, 1, 0]}]), "[0].planes are a part of 'wall'; planes are not supported"),
     (put(*WALL, "operation", 1), "[0].operation of 'wall' is 1; a body can only be added"),
     (put(*WALL, "header", {"frame_id": "plate"}), "[0].header.frame_id is 'plate'; give the world"),
     (put(*WALL, "primitives", []), "[0].primitives is []; give a list of one or more boxes"),
     (put(*WALL, "primitive_poses", []), "[0].primitive_poses of 'wall' has 0 poses for 1 primitives; give one each"),
-    (put(*WALL, "primitives", 0, "type", "cone"), "[0].primitives[0].type is 'cone'; give box, cylinder or sphere for 'wall'"),
+    (
+        put(*WALL, "primitives", 0, "type", "cone"),
+        "[0].primitives[0].type is 'cone'; give box, cylinder or sphere for 'wall'",
+    ),
     (put(*WALL, "primitives", 0, "type", 4), "[0].primitives[0].type is 4; give box, cylinder or sphere"),
-    (put(*WALL, "primitives", 0, "dimensions", [1, 2]), "[0].primitives[0].dimensions is [1, 2]; give x, y, z [m] of the box"),
-    (put(*WALL, "primitives", 0, "dimensions", [1, 2, 0]), "[0].primitives[0].dimensions[2] is 0; give a length above zero"),
-    (put(*WALL, "primitives", 0, "dimensions", [1, "2", 3]), "[0].primitives[0].dimensions[1] is '2'; give a length above"),
+    (
+        put(*WALL, "primitives", 0, "dimensions", [1, 2]),
+        "[0].primitives[0].dimensions is [1, 2]; give x, y, z [m] of the box",
+    ),
+    (
+        put(*WALL, "primitives", 0, "dimensions", [1, 2, 0]),
+        "[0].primitives[0].dimensions[2] is 0; give a length above zero",
+    ),
+    (
+        put(*WALL, "primitives", 0, "dimensions", [1, "2", 3]),
+        "[0].primitives[0].dimensions[1] is '2'; give a length above",
+    ),
     (put(*WALL, "primitives", 0, "dimensions", [1, float("nan"), 3]), "dimensions[1] is nan; give a length above zero"),
     (put(*WALL, "pose", "position", [1, 2]), "[0].pose.position is [1, 2]; give three numbers x, y, z [m]"),
-    (put(*WALL, "pose", "position", [1, 2, True]), "[0].pose.position[2] is True; give three numbers x, y, z [m], finite"),
-    (put(*WALL, "pose", "orientation", [0, 0, 0, 0]), "[0].pose.orientation is [0, 0, 0, 0]; give a quaternion x, y, z, w of norm"),
+    (
+        put(*WALL, "pose", "position", [1, 2, True]),
+        "[0].pose.position[2] is True; give three numbers x, y, z [m], finite",
+    ),
+    (
+        put(*WALL, "pose", "orientation", [0, 0, 0, 0]),
+        "[0].pose.orientation is [0, 0, 0, 0]; give a quaternion x, y, z, w of norm",
+    ),
     (put(*WALL, "pose", "orientation", [0, 0, 1]), "[0].pose.orientation is [0, 0, 1]; give four numbers x, y, z, w"),
     (put(*WALL, "pose", "position", {"x": 0, "y": 0, "q": 0}), "[0].pose.position.q is not of a planning scene"),
     (put(*WALL, "pose", "turned", 1), "[0].pose.turned is not of a planning scene"),
     (put("world", "octomap", "octomap", "data", [1, 2]), "world.octomap is an octomap, which is not supported"),
-    (put("fixed_frame_transforms", 0, "transform", "translation", [1, 0, 0]), "fixed_frame_transforms[0].transform moves a frame"),
+    (
+        put("fixed_frame_transforms", 0, "transform", "translation", [1, 0, 0]),
+        "fixed_frame_transforms[0].transform moves a frame",
+    ),
     (put("link_padding", [{"link_name": "upper", "padding": 0.1}]), "link_padding[0] changes the size of a link"),
-    (put("allowed_collision_matrix", "entry_values", 0, 1, True), "entry_values[0][1] lets 'a' touch 'wall'; not supported"),
+    (
+        put("allowed_collision_matrix", "entry_values", 0, 1, True),
+        "entry_values[0][1] lets 'a' touch 'wall'; not supported",
+    ),
     (put("allowed_collision_matrix", "entry_values", [[True, True]]), "entry_values has 1 rows for 2 entry_names"),
     (put("allowed_collision_matrix", "default_entry_names", ["wall"]), None),
-    (put(*HELD, "link_name", "plat"), "'part' is held by, or may touch, 'plat'; the robot has no such link (nearest is 'plate')"),
+    (
+        put(*HELD, "link_name", "plat"),
+        "'part' is held by, or may touch, 'plat'; the robot has no such link (nearest is 'plate')",
+    ),
     (put(*HELD, "touch_links", ["upper"]), "'part' may touch 'upper', which moves against 'plate' that holds it"),
     (put(*HELD, "object", "meshes", [{}]), "attached_collision_objects[0].object.meshes are a part of 'part'"),
-    (put("robot_state", "joint_state", "position", [0.0]), "robot_state.joint_state.position has 1 numbers for 3 names"),
+    (
+        put("robot_state", "joint_state", "position", [0.0]),
+        "robot_state.joint_state.position has 1 numbers for 3 names",
+    ),
     (
         put("robot_state", "multi_dof_joint_state", {"transforms": [{"translation": [1, 0, 0]}]}),
         "multi_dof_joint_state.transforms[0] moves the robot's base",
     ),
-]  # fmt: skip
+]
 WRONG_REQUESTS: list[tuple[Any, str]] = [
     ("{", "request.yaml is not a motion request: not YAML"),
     (put("goals", []), "goals is not of a motion request"),
     (drop("goal_constraints"), "goal_constraints has 0 goals; give one"),
     (put("goal_constraints", [{}, {}]), "goal_constraints has 2 goals; give one"),
-    (put(*GOAL, "position_constraints", [{"link_name": "plate"}]), "goal_constraints[0].position_constraints are not supported"),
+    (
+        put(*GOAL, "position_constraints", [{"link_name": "plate"}]),
+        "goal_constraints[0].position_constraints are not supported",
+    ),
     (put(*GOAL, "orientation_constraints", [{}]), "goal_constraints[0].orientation_constraints are not supported"),
     (put(*GOAL, "joint_constraints", []), "goal_constraints[0].joint_constraints is []; give one for each joint"),
     (put(*JOINTS, 0, "joint_name", "c"), "goal_constraints[0]: the robot has no joint 'c' that moves"),
@@ -254,21 +294,29 @@ WRONG_REQUESTS: list[tuple[Any, str]] = [
     (put(*JOINTS, 0, "position", None), "joint_constraints[0].position is missing or empty; give a finite number"),
     (put(*JOINTS, 0, "position", float("inf")), "joint_constraints[0].position is inf; give a finite number"),
     (put(*JOINTS, 0, "tolerance_above", -1), "joint_constraints[0].tolerance_above is -1; give a number, 0 or more"),
-    (put("path_constraints", {"orientation_constraints": [{}]}), "path_constraints.orientation_constraints hold along the way"),
+    (
+        put("path_constraints", {"orientation_constraints": [{}]}),
+        "path_constraints.orientation_constraints hold along the way",
+    ),
     (put("trajectory_constraints", {"constraints": [{}]}), "trajectory_constraints are not supported"),
     (put("max_cartesian_speed", 0.3), "max_cartesian_speed is 0.3; a limit on the speed of a link is not supported"),
     (put("max_velocity_scaling_factor", 2), "max_velocity_scaling_factor is 2; give a number from 0 to 1"),
-    (put("max_acceleration_scaling_factor", 0.5), "max_acceleration_scaling_factor is 0.5, of a limit that no URDF holds"),
+    (
+        put("max_acceleration_scaling_factor", 0.5),
+        "max_acceleration_scaling_factor is 0.5, of a limit that no URDF holds",
+    ),
     (drop("start_state"), "start_state.joint_state is missing or empty; give the state that the motion begins in"),
     (put(*STATE, "name", ["b", "a", "a"]), "start_state.joint_state.name[2] names the joint 'a' a second time"),
     (put(*STATE, "velocity", [0, 0.5, 0]), "start_state.joint_state.velocity[1] is 0.5; give 0"),
     (put("start_state", {"joint_state": {"name": ["a", "b"], "position": [0, 0]}}), "says nothing of the joint 'grip'"),
     (put("start_state", {"joint_state": {"name": ["a", "grip"], "position": [0, 0]}}), "says nothing of the joint 'b'"),
     (put(*STATE, "position", [-0.5, 1.25, 0.02]), "the goal is where the motion starts"),
-]  # fmt: skip
+]
 
 
-@pytest.mark.parametrize("which", [*((0, i) for i in range(len(WRONG_SCENES))), *((1, i) for i in range(len(WRONG_REQUESTS)))])
+@pytest.mark.parametrize(
+    "which", [*((0, i) for i in range(len(WRONG_SCENES))), *((1, i) for i in range(len(WRONG_REQUESTS)))]
+)
 def test_what_is_wrong_is_one_line_with_file_and_place(tmp_path: Path, which: tuple[int, int]) -> None:
     kind, number = which
     change, words = (WRONG_SCENES, WRONG_REQUESTS)[kind][number]
@@ -295,12 +343,21 @@ WRONG_OPTIONS = [
     ([], "which robot it is of, robot_model_name 'arm', only its description says; give --urdf FILE"),
     (["--urdf", "no.urdf"], "cannot read the URDF file no.urdf"),
     (["--urdf", "arm.urdf", "--srdf", "no.srdf"], "cannot read the SRDF file no.srdf"),
-    (["--urdf", "arm.urdf", "--set", "limits.accelleration=8"], "accelleration is not allowed (nearest is 'acceleration')"),
-    (["--urdf", "arm.urdf", "--set", "limits.acceleration=-8"], "[limits] acceleration is -8; give a number above zero"),
-    (["--urdf", "arm.urdf", "--set", "limits.velocity=2"], "max_velocity_scaling_factor is 0.5, and --set gives limits.velocity"),
+    (
+        ["--urdf", "arm.urdf", "--set", "limits.accelleration=8"],
+        "accelleration is not allowed (nearest is 'acceleration')",
+    ),
+    (
+        ["--urdf", "arm.urdf", "--set", "limits.acceleration=-8"],
+        "[limits] acceleration is -8; give a number above zero",
+    ),
+    (
+        ["--urdf", "arm.urdf", "--set", "limits.velocity=2"],
+        "max_velocity_scaling_factor is 0.5, and --set gives limits.velocity",
+    ),
     (["--urdf", "arm.urdf", "--set", "robot.locked.grip=x"], "--set robot.locked.grip is 'x'; give a number"),
     (["--urdf", "arm.urdf", "-o", "task.yaml"], "-o is 'task.yaml'; a task file ends in .toml"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("options", "words"), WRONG_OPTIONS)

@@ -87,7 +87,13 @@ def bodies(robot: Robot) -> tuple[list[Body], list[Body]]:
     ]
     around = [
         sphere("ball", 0, [0.5, 0.2, 0.4], 0.1),
-        box("crate", 0, [-0.4, 0.3, 0.2], [0.3, 0.2, 0.5], np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0] * 1.0),
+        box(
+            "crate",
+            0,
+            [-0.4, 0.3, 0.2],
+            [0.3, 0.2, 0.5],
+            np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0] * 1.0,
+        ),
         cylinder("post", 0, [0.3, -0.5, 0.0], [0.4, -0.5, 0.8], 0.05),
         half_space("floor", [0.0, 0.0, 1.0], -0.2),
     ]

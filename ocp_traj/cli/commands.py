@@ -534,8 +534,7 @@ def import_(
 ) -> int:
     """Makes a task of a MoveIt planning scene and a request.
 
-    Example: ocp-traj import scene.yaml request.yaml --urdf arm.urdf --srdf arm.srdf --set limits.acceleration=8 \\
-    --set limits.jerk=60 -o task.toml
+    Example: ocp-traj import scene.yaml request.yaml --urdf arm.urdf --set limits.jerk=60 -o task.toml
     """
     from ocp_traj.cli import sheets
     from ocp_traj.files import write_text

@@ -324,14 +324,15 @@ def export_sheet(found: Exported) -> Sheet:
 def plan_sheet(path: Array, joints: Sequence[str], target: Path) -> Sheet:
     """A planned path."""
     data = {"written": str(target), "joints": list(joints), "points": path.tolist()}
-    return Sheet(data, [(f"{target.name}: {len(path)} points", list(joints), path.round(4).tolist())])
+    rows: list[list[float]] = path.round(4).tolist()
+    return Sheet(data, [(f"{target.name}: {len(path)} points", list(joints), rows)])
 
 
 def import_sheet(found: Imported, target: Path) -> Sheet:
     """What a task was made of."""
     data = {"written": str(target), **asdict(found)}
     del data["text"]
-    rows = [
+    rows: list[list[Any]] = [
         ["bodies in the world", found.bodies],
         ["bodies held", found.held],
         ["joints locked", ", ".join(found.locked) or "none"],

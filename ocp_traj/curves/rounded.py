@@ -79,7 +79,8 @@ def rounded(points: Array, speed: Array, acceleration: Array, jerk: Array, slowe
     q[0], q[-1] = points[0], points[-1]
     v = np.gradient(q, step, axis=0)
     acc = np.gradient(v, step, axis=0)
-    return Rounded(np.arange(GRID + 1) * step, np.stack([q, v, acc], axis=1), _passed(arrivals, wide + narrow, duration))
+    times, states = np.linspace(0.0, duration, GRID + 1), np.stack([q, v, acc], axis=1, dtype=float)
+    return Rounded(times, states, _passed(arrivals, wide + narrow, duration))
 
 
 def _passed(arrivals: Array, delay: float, duration: float) -> Array:

@@ -99,8 +99,8 @@ def resolve(task: Task, folder: Path) -> Task:
         start = resolved_path(start, folder, None, robot.joints, factor)[0].tolist()
     elif isinstance(start, str) and start not in STARTS:
         raise InputError(
-            f"{task.name}: [solve] start is {quoted(start)}{nearest(start, STARTS)}; give {', '.join(STARTS)}, or the path "
-            "of a .csv or .yaml file"
+            f"{task.name}: [solve] start is {quoted(start)}{nearest(start, STARTS)}; give {', '.join(STARTS)}, or the "
+            "path of a .csv or .yaml file"
         )
     waived = dict.fromkeys(QUANTITIES)
     if task.limits.tool_speed is not None:

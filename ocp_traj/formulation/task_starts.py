@@ -44,8 +44,8 @@ def with_start(
         return problem
     if along is None:
         raise InputError(
-            f"{task.name}: [solve] start is not of a {task.curve.kind} curve, whose guess is one path; leave it out, or "
-            "take auto, quintic, septic or nonic"
+            f"{task.name}: [solve] start is not of a {task.curve.kind} curve, whose guess is one path; leave it out, "
+            "or take auto, quintic, septic or nonic"
         )
     if start in (PLAN, OMPL) and not clearances:
         raise InputError(f'{task.name}: [solve] start = "{start}" plans past obstacles, and there is no [collision]')
@@ -88,8 +88,8 @@ def planned_path(problem: Problem, planner: str, seed: int) -> Array:
         leg = ways.planned(i, rng)
         if leg is None:
             raise NoSolutionFound(
-                f"{task.name}: no way was found from point {i + 1} to point {i + 2} in {MOST} postures; try another --seed, "
-                "or give a via point between"
+                f"{task.name}: no way was found from point {i + 1} to point {i + 2} in {MOST} postures; try another "
+                "--seed, or give a via point between"
             )
         legs.append(leg if i == 0 else leg[1:])
     return np.concatenate(legs)

@@ -59,7 +59,7 @@ class Ways:
         """
         if self._given is not None:
             return self._driven(self._given[begin:end])
-        found = []
+        found: list[tuple[float, float, int, Rounded]] = []
         for _ in range(TRIES):
             legs = [self.planned(i, rng) for i in range(begin, end)]
             ways = [leg for leg in legs if leg is not None]
@@ -115,11 +115,14 @@ class Ways:
     def _driven(self, ways: Sequence[Array]) -> Rounded:
         """The motion along ways, one after the other, no slower than it has to be for its corners to be clear."""
         points = np.concatenate([ways[0][:1], *(way[1:] for way in ways)])
-        limits = [_reach(self.robot.limits, order) for order in (1, 2, 3)]
+        speed, acceleration, jerk = (
+            np.full(self.robot.size, np.inf) if reach is None else reach
+            for reach in (_reach(self.robot.limits, order) for order in (1, 2, 3))
+        )
         passed = np.cumsum([0, *(len(way) - 1 for way in ways)])
-        tries = []
+        tries: list[tuple[float, int, Rounded]] = []
         for slower in SLOWER:
-            motion = rounded(points, *(np.full(self.robot.size, np.inf) if r is None else r for r in limits), slower)
+            motion = rounded(points, speed, acceleration, jerk, slower)
             motion = Rounded(motion.times, motion.states, motion.passed[passed])
             if not self.clearances:
                 return motion

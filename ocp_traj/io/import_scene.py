@@ -163,9 +163,7 @@ def _robot(urdf: Path, locked: Mapping[str, float]) -> Robot:
     return Robot.from_urdf(urdf, file_limits=False, locked=locked)
 
 
-def _ends(
-    request: Request, robot: Robot, locked: Mapping[str, float], file: str
-) -> tuple[list[float], list[float]]:
+def _ends(request: Request, robot: Robot, locked: Mapping[str, float], file: str) -> tuple[list[float], list[float]]:
     for name in robot.joints:
         if name not in request.start.joints:
             raise FileFormatError(
@@ -173,13 +171,13 @@ def _ends(
             )
     start, goal = ([table[name] for name in robot.joints] for table in (request.start.joints, request.goal))
     if start == goal:
-        raise FileFormatError(f"{file}: goal_constraints[0]: the goal is where the motion starts; there is none to find")
+        raise FileFormatError(
+            f"{file}: goal_constraints[0]: the goal is where the motion starts; there is none to find"
+        )
     return start, goal
 
 
-def _collision(
-    scene: Scene, held: list[Held], robot: Robot, folder: Path, srdf: Path | None
-) -> dict[str, Any]:
+def _collision(scene: Scene, held: list[Held], robot: Robot, folder: Path, srdf: Path | None) -> dict[str, Any]:
     table: dict[str, Any] = {"links": "urdf"}
     if srdf is not None:
         if not srdf.is_file():
@@ -203,8 +201,8 @@ def _held(one: Held, robot: Robot) -> dict[str, Any]:
             )
         if frames[link] != frames[one.link]:
             raise InputError(
-                f"{one.shape.name!r} may touch {quoted(link)}, which moves against {quoted(one.link)} that holds it; not "
-                "supported: leave that link out of touch_links"
+                f"{one.shape.name!r} may touch {quoted(link)}, which moves against {quoted(one.link)} that holds it; "
+                "not supported: leave that link out of touch_links"
             )
     return {"name": one.shape.name, "frame": one.link, one.shape.kind: _shape(one.shape)}
 
@@ -234,8 +232,8 @@ def _scaled(table: dict[str, Any], request: Request, given: Mapping[str, str], f
     if share != 1.0:
         if "limits.velocity" in given:
             raise InputError(
-                f"{file}: max_velocity_scaling_factor is {share:g}, and --set gives limits.velocity; make it 0, and give "
-                "the limit as it is to hold"
+                f"{file}: max_velocity_scaling_factor is {share:g}, and --set gives limits.velocity; make it 0, and "
+                "give the limit as it is to hold"
             )
         table["limits"]["velocity"] = f"{100.0 * share:.12g} %"
     share = request.scaling["acceleration"]
@@ -255,6 +253,6 @@ def _text(table: Mapping[str, Any], sources: list[str], to_fill: tuple[str, ...]
         elif isinstance(value, list):
             for item in value:
                 lines += ["", f"[[{name}]]", *(f"{key} = {toml_value(v)}" for key, v in item.items())]
-    note = f'  # a number for all joints, or one a joint, or "none"; neither the scene nor the request holds it'
+    note = '  # a number for all joints, or one a joint, or "none"; neither the scene nor the request holds it'
     marks = [f"{place.partition('.')[2]} = {toml_value(TO_FILL)}" for place in to_fill]
     return "\n".join(line + note if line in marks else line for line in lines) + "\n"

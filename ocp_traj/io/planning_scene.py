@@ -101,9 +101,7 @@ def read_scene(path: str | Path) -> Scene:
     state = robot_state(root.at("robot_state"))
     names: dict[str, str] = {}
     bodies = [shape for item in world.at("collision_objects").items() for shape in _shapes(item, names)]
-    held = [
-        one for node in (state.attached or Node(None, root.file, WHAT)).items() for one in held_bodies(node, names)
-    ]
+    held = [one for node in (state.attached or Node(None, root.file, WHAT)).items() for one in held_bodies(node, names)]
     matrix = root.at("allowed_collision_matrix")
     _check_matrix(matrix, {name for name in names})
     return Scene(

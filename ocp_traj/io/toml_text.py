@@ -38,7 +38,11 @@ def toml_lines(table: Mapping[str, Any], place: str) -> list[str]:
     for key, value in table.items():
         if _tables(value):
             for item in value:
-                lines += ["", f"[[{place}.{toml_key(key)}]]", *(f"{toml_key(k)} = {toml_value(v)}" for k, v in item.items())]
+                lines += [
+                    "",
+                    f"[[{place}.{toml_key(key)}]]",
+                    *(f"{toml_key(k)} = {toml_value(v)}" for k, v in item.items()),
+                ]
     return lines
 
 

@@ -46,12 +46,10 @@ class Space:
         share = (number / counts[which])[:, None]
         free = np.asarray(self.clear(begins[which] + share * (ends - begins)[which]), dtype=bool)
         self.looked += len(which)
-        last = np.full(len(counts), 0)
         blocked = np.flatnonzero(~free)
         first = np.full(len(counts), np.iinfo(int).max)
         np.minimum.at(first, which[blocked], number[blocked])
-        last = np.minimum(first - 1, counts)
-        return last / counts
+        return np.asarray(np.minimum(first - 1, counts) / counts)
 
 
 class _Tree:

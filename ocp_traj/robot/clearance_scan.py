@@ -64,18 +64,18 @@ class ClearanceScan:
             for (joint, other), bodies in wanted.items()
         ]
         self._own: list[tuple[_Group, _Group, Array]] = []
-        for (one, other), entries in own.items():
+        for joints, entries in own.items():
             sides: tuple[list[tuple[Array, Array]], ...] = ([], [])
             margins = []
-            for first, second, margin in entries:
-                (pa, ra), (pb, rb) = balls[first], balls[second]
+            for one, two, margin in entries:
+                (pa, ra), (pb, rb) = balls[one], balls[two]
                 i, j = (x.ravel() for x in np.indices((len(pa), len(pb))))
                 sides[0].append((pa[i], ra[i]))
                 sides[1].append((pb[j], rb[j]))
                 margins.append(np.full(len(i), margin))
             first_group, second_group = (
                 _around(joint, *(np.concatenate(parts) for parts in zip(*side, strict=True)))
-                for joint, side in zip((one, other), sides, strict=True)
+                for joint, side in zip(joints, sides, strict=True)
             )
             self._own.append((first_group, second_group, np.concatenate(margins)))
 

@@ -43,9 +43,10 @@ class PairBounds:
         self._reach[self._walls] = (reach[a] + radius[b])[self._walls]
         self._reach[self._planes] = (reach[a] + radius[b])[self._planes]
         # Of what does not move: x in its axes is turn^T (x - centre).
-        self._turn = np.array([pairs[i][1].axes for i in self._walls]).reshape(-1, 3, 3)
-        self._half = np.array([pairs[i][1].half for i in self._walls]).reshape(-1, 3)
-        self._normal = np.array([pairs[i][1].normal for i in self._planes]).reshape(-1, 3)
+        walls, planes = ([pairs[i][1] for i in some.tolist()] for some in (self._walls, self._planes))
+        self._turn = np.array([body.axes for body in walls]).reshape(-1, 3, 3)
+        self._half = np.array([body.half for body in walls]).reshape(-1, 3)
+        self._normal = np.array([body.normal for body in planes]).reshape(-1, 3)
 
     def __call__(self, rotations: Array, places: Array) -> Array:
         """Bounds ``(N, pairs)`` where the carriers are turned ``(N, joints, 3, 3)`` and placed ``(N, joints, 3)``."""
