@@ -139,7 +139,7 @@ def _check_curve(task: Task) -> None:
         return
     if any(move.tool_path is not None for move in task.move):
         raise InputError(f"{name}: [curve] kind: a {kind} curve goes through points; for tool paths take auto")
-    if len(task.move) > 1 or task.move[0].begin or task.move[0].end or np.any(task.move[0].tolerance):
+    if len(task.move) > 1 or task.move[0].begin or task.move[0].end or np.asarray(task.move[0].tolerance).any():
         raise InputError(
             f"{name}: [curve] kind: a {kind} curve is one move from rest to rest, without tolerance; take auto"
         )
@@ -167,6 +167,7 @@ def _posed(task: Task, robot: Robot, route: Route, clear: Clear | None, made: Pa
     if task.objective.front is not None:
         worst |= task.objective.front.reference
     wanted = _requirements(task, robot, route, made, limits, load.parameters)
+    tuning = Tuning(starts=task.solve.starts, hull_rows=hull, solver_options=SOLVER_OPTIONS)
     problem = Problem(
         ID, made.variables, made.curve, objectives, wanted, made.guess, task, robot,
         parameters=lambda x: casadi.SX(masses), dilate=made.dilate, scales_in_time=made.scales_in_time,
@@ -176,7 +177,7 @@ def _posed(task: Task, robot: Robot, route: Route, clear: Clear | None, made: Pa
             notes=tool_notes(route, sum(len(v.labels) for v in made.variables), len(made.legs[0])),
             figures=tool_figures(robot.size, limits),
         ),
-        tuning=Tuning(task.solve.starts, hull_rows=hull, solver_options=SOLVER_OPTIONS, **tool_tuning(route, limits)),
+        tuning=tool_tuning(tuning, route, limits),
     )  # fmt: skip
     if clear is not None:
         problem = with_clearance(problem, clear, made, exact_points(route), bent=not route.tool_moves)

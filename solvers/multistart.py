@@ -25,6 +25,7 @@ _Pair = tuple[NLPResult, Solution]  # of a first NLP, and what it led to
 
 SOLVES = 2  # of each start when all optima are wanted
 ROUNDS = 40  # at least: along a flat valley steps are short; our choice
+LITTLE = 1e-9  # of the best value: what may be gained by less is not waited for; our choice
 ONE_POINT = 1e-6  # of the variables' size: our choice, far above the solver's tolerance
 
 
@@ -33,8 +34,8 @@ class Multistart:
     """Runs ``solver`` from ``starts`` random points; start i depends on the seed and i alone, and like points are one.
 
     Where the problem has a ``warm_start_objective``, a point is first moved to an optimum of that. ``solve`` gives a
-    start up whose first NLP, which has only some of the limits, already ends worse than the best that is proved: limits
-    at more instants only raise that optimum. A solver that would leave it for a better one is not waited for;
+    start up whose first NLP, which has only some of the limits, already ends no better than the best that is proved:
+    limits at more instants only raise that optimum. A solver that would leave it for a better one is not waited for;
     ``all_optima`` and ``solve_all`` follow every start to its end.
 
     Attributes:
@@ -139,7 +140,8 @@ class Multistart:
                 if opened.ok and np.abs(opened.x - other.x).max() <= ONE_POINT * (1.0 + np.abs(other.x).max()):
                     return [no_worse_than(problem, scalarisation, solution, x0) if solution.ok else solution]
             proved = [solution.f for _, solution in known if solution.audit is not None and solution.audit.proved]
-            if gives_up and opened.status is Status.SOLVED and opened.f > min(proved, default=np.inf):
+            best = min(proved, default=np.inf)
+            if gives_up and opened.status is Status.SOLVED and opened.f > best - LITTLE * abs(best):
                 return []
             solution = solver.solve(problem, scalarisation, x0, opened=(nlp, opened))
             if opened.ok:

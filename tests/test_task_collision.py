@@ -15,6 +15,7 @@ from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.formulation.task_file import task_of
 from ocp_traj.formulation.task_resolution import resolve
 from ocp_traj.transcription.instants import Instant
+from ocp_traj.transcription.symbolic import motion_of
 from ocp_traj.transcription.transcription import transcribe
 from ocp_traj.transcription.worst_instants import near_instants, worst_instants
 from tests.independent.bodies import Pair, curve_at
@@ -150,3 +151,11 @@ def test_the_example_with_whole_links_is_proved() -> None:
     least = min(row.proved_bound for row in rows if row.limit == "obstacles")
     assert nearest.attained - least <= 1e-4
     assert least - 1e-9 <= _scanned(solution, 1000) <= nearest.attained + 1e-4
+
+
+def test_a_free_payload_and_the_clearance_are_both_parameters() -> None:
+    problem = ot.problems.load("task", **_problem().case.fields(), free_payload=True)
+    assert problem.requirements.parameters == ("payload", "clearance")
+    x = problem.guess(np.random.default_rng(0))
+    assert motion_of(problem, x).parameters == {"payload": x[-1], "clearance": x[-2]}
+    assert problem.tighten_slacks(x).shape == x.shape and problem.dilate(x, 2.0)[-2] == x[-2]

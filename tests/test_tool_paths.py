@@ -31,21 +31,21 @@ BROKEN = [
     (BY, "line = { by = [0, 0.3, 0], to = [1, 1, 1] }", r"line gives by and to; give one of them"),
     (BY, "line = { by = [0.0, 0.3] }", r"line.by is \[0.0, 0.3\]; give three numbers"),
     (BY, "line = { by = [0.0, 0.0, 0.0] }", r"\[\[move\]\] 1.*it goes 0 m; a tool path goes 1e-06 m or more"),
-    (BY, "line = { by = [0.0, 0.3, 0.0], rpy = [0, 0, 1], " + WEST + " }", r"gives rpy and quat_wxyz; give one of them"),
+    (BY, "line = { by = [0.0, 0.3, 0.0], rpy = [0, 0, 1], " + WEST + " }", r"gives rpy and quat_wxyz; give one"),
     (BY, "line = { by = [0.0, 0.3, 0.0], quat_wxyz = [0, 0, 0, 0] }", r"quat_wxyz that is no rotation; give four"),
     (BY, "line = { bye = [0.0, 0.3, 0.0] }", r"line.bye is not allowed \(nearest is 'by'\)"),
     (BY, f"{BY}\nvia = [[0, 0, 0, 0, 0, 0]]", r"has via and line; give exactly one of via, goal, path, line, arc"),
     (BY, "arc = { via = [0.6, 0.2, 0.4] }", r"arc has via; give via and to, or centre, axis and angle"),
     (BY, ARC.replace("0, 0, 1", "0, 0, 0"), r"arc has an axis of zeros; give three numbers"),
-    (BY, ARC.replace("angle = 0.5", "angle = 7"), r"its angle is 7 rad; give one that is not zero and at most one turn"),
-    (BY, ARC.replace("angle = 0.5", "angle = 0.5, with_arc = true, rpy = [0, 0, 1]"), r"with_arc and a rotation at its"),
-    (BY, "arc = { via = [0.5925832, 0.2, 0.3709281], to = [0.5925832, 0.3, 0.3709281] }", r"three points lie on one li"),
+    (BY, ARC.replace("angle = 0.5", "angle = 7"), r"its angle is 7 rad; give one that is not zero and at most"),
+    (BY, ARC.replace("angle = 0.5", "angle = 0.5, with_arc = true, rpy = [0, 0, 1]"), r"with_arc and a rotation"),
+    (BY, "arc = { via = [0.5925832, 0.2, 0.3709281], to = [0.5925832, 0.3, 0.3709281] }", r"three points lie on"),
     (BY, "poses = []", r"poses is \[\]; give a list of poses"),
     (BY, "poses = [[0.5, 0.2, 0.4]]", r"poses is \[0.5, 0.2, 0.4\]; give seven numbers"),
     (BY, "poses = [{ xyz = [0.5, 0.2, 0.4] }]", r"no rotation; give rpy or quat_wxyz"),
     (BY, "line = { by = [1.5, 0.0, 0.0] }", r"at 0.22\d+ m of 1.5 m along it, at \(.*\) m: out of the arm's reach"),
     (BY, "line = { by = [-0.6, 0.0, 0.0] }", r"at 0.5\d+ m of 0.6 m along it, at \(.*\) m: a singular posture"),
-    (BY, "line = { by = [0.0, 0.3, 0.0], quat_wxyz = [0, 0.7071, 0.7053, 0] }", r"half turn, either way; give a pose"),
+    (BY, "line = { by = [0.0, 0.3, 0.0], quat_wxyz = [0, 0.7071, 0.7053, 0] }", r"half turn, either way"),
     (TOLERANCE, "", r"\[\[move\]\] 1 has no tolerance of its tool path; give tolerance"),
     (TOLERANCE, "tolerance = 1e-3", r"\[\[move\]\] 1 has no tolerance of its tool path; give tolerance"),
     (TOLERANCE, "tolerance = { position = 1e-3 }", r"tolerance.tilt is missing; give an angle above zero"),
@@ -58,7 +58,7 @@ BROKEN = [
     (TOLERANCE, TOLERANCE + "\nbegin = { velocity = [0, 0, 0, 0, 0, 0] }", r"a tool path begins and ends at rest"),
     (TOLERANCE, TOLERANCE + "\nblend = 0.01", r"blend is not built in this version; leave it out"),
     ("start = [0.0, -1.3, 1.4, -1.6, -1.5, 0.0] ", "", r"start is missing; give the joints at which it begins"),
-    ("start = [0.0, -1.3, 1.4, -1.6, -1.5, 0.0]", "start = [0.0, 1.0]", r"start has 2 coordinates; the robot has 6 jo"),
+    ("start = [0.0, -1.3, 1.4, -1.6, -1.5, 0.0]", "start = [0.0, 1.0]", r"start has 2 coordinates"),
     ("start = [0.0, -1.3", "start = [9.0, -1.3", r"its start has shoulder_pan_joint beyond its range"),
     ("tool_speed = 0.25", "tool_speed = 0.0", r"\[limits\] tool_speed is 0.0; give a speed above zero"),
     ('kind = "auto"', 'kind = "cubic"', r"a cubic curve goes through points; for tool paths take auto"),
@@ -87,7 +87,7 @@ def _task(move: dict[str, Any] | list[dict[str, Any]], **changes: Any) -> ot.Pro
 
 
 def _scan(problem: ot.Problem, trajectory: Any, count: int = 4000) -> dict[str, np.ndarray]:
-    """Distance [m], tilt [rad] and speed [m/s] at instants, by Pinocchio and by the nearest of many points of the path."""
+    """Distance [m], tilt [rad], speed [m/s] at instants, by Pinocchio and the nearest of many points of the path."""
     ((_, move),) = route_of(problem.case, problem.robot.size).tool_moves
     frames = [move.path.at(s) for s in np.linspace(0.0, move.path.length, 8001)]
     places, spacing = np.array([f.translation for f in frames]), move.path.length / 8000.0
@@ -139,7 +139,12 @@ SLOW: list[dict[str, Any]] = [
         "tolerance": {"position": 2e-4, "tilt": 0.035},
     },
     {"line": {"to": (PLACE + [0.0, 0.2, 0.1]).tolist(), "rpy": [3.1, 0.1, -1.4]}, "free_turn": True},
-    {"poses": [[*(PLACE + [0.0, 0.1, 0.0]), *[0, -0.7053, 0.7071, 0.05]], [*(PLACE + [0.0, 0.1, 0.1]), *[0, -0.7, 0.7, 0.1]]]},
+    {
+        "poses": [
+            [*(PLACE + [0.0, 0.1, 0.0]), 0, -0.7053, 0.7071, 0.05],
+            [*(PLACE + [0.0, 0.1, 0.1]), 0, -0.7, 0.7, 0.1],
+        ]
+    },
     {"line": {"by": [0.0, 0.2, 0.0]}, "speed": {"value": 0.1, "band": 0.01, "run_up": 0.03}},
 ]  # fmt: skip
 
@@ -189,9 +194,7 @@ def test_moves_follow_one_another_and_the_first_of_poses_may_open_the_branch() -
     assert first.tool_path is not None and first.tool_path.branch.startswith("the quickest of")
     assert second.tool_path is None and third.tool_path is not None and third.via is not None
     np.testing.assert_allclose(third.via[0], moves[1]["goal"], atol=0.0)
-    np.testing.assert_allclose(
-        third.tool_path.pose[:3], problem.robot.poses([moves[1]["goal"]])[1][0], atol=1e-12
-    )
+    np.testing.assert_allclose(third.tool_path.pose[:3], problem.robot.poses([moves[1]["goal"]])[1][0], atol=1e-12)
     segments = [limit.segments for limit in problem.requirements.path_constraints if limit.id == "tool-position"]
     count = sum(len(leg) for leg in route_legs(problem))
     assert len(segments) == 1 and 0 in segments[0] and count - 1 in segments[0] and len(segments[0]) < count
@@ -210,9 +213,12 @@ def test_a_corner_is_refused_at_constant_speed_and_units_are_taken_off() -> None
     with pytest.raises(InputError, match=r"at 0\.1 m of 0\.2 m along it is a corner"):
         _task({"poses": poses, "speed": 0.05})
     mm = LINE.replace('name = "ur5-line"', 'name = "ur5-line"\nunits = { length = "mm", angle = "deg" }')
-    for old, new in (("0.3, 0.05]", "300.0, 50.0]"), ("position = 1e-3, tilt = 0.035", "position = 1.0, tilt = 2.0053523"),
-                     ("tool_speed = 0.25", "tool_speed = 250.0"), ("= 8.0", "= 458.3662361"), ("= 60.0", "= 3437.7467708"),
-                     ("[0.0, -1.3, 1.4, -1.6, -1.5, 0.0]", str(np.degrees(START).tolist()))):  # fmt: skip
+    changes = [
+        ("0.3, 0.05]", "300.0, 50.0]"), ("position = 1e-3, tilt = 0.035", "position = 1.0, tilt = 2.0053523"),
+        ("tool_speed = 0.25", "tool_speed = 250.0"), ("= 8.0", "= 458.3662361"), ("= 60.0", "= 3437.7467708"),
+        (str(START), str(np.degrees(START).tolist())),
+    ]  # fmt: skip
+    for old, new in changes:
         mm = mm.replace(old, new)
     ours, plain = (ot.problems.load("task", **tomllib.loads(text)).case for text in (mm, LINE))
     assert ours.move[0].tolerance.position == pytest.approx(1e-3) and ours.limits.tool_speed == pytest.approx(0.25)

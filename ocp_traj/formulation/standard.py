@@ -197,7 +197,7 @@ def free_payload(problem: Problem, most: float, likely: float, eq: str = "") -> 
         problem,
         variables=(*problem.variables, mass),
         curve=lambda x: problem.curve(x[:n]),
-        parameters=lambda x: casadi.vertcat(x[n:], parameters(x[:n])[1:]),
+        parameters=lambda x: casadi.vertcat(x[n:], *casadi.vertsplit(casadi.vec(casadi.SX(parameters(x[:n]))))[1:]),
         objectives=(*problem.objectives, largest),
         guess=lambda rng: np.append(problem.guess(rng), rng.uniform(0.0, min(likely, most))),
         dilate=dilate and (lambda x, s: np.append(dilate(x[:n], s), x[n:])),

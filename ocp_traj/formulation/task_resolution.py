@@ -262,7 +262,7 @@ def _resolved_move(move: MoveTable, task: Task, folder: Path, robot: Robot, fact
     changed: dict[str, Any] = {"via": points.tolist(), **dict.fromkeys(("start", "goal", "path", "point"))}
     changed["geometry"] = geometry
     changed["payload"] = _resolved_held(move.payload, length)
-    tolerance = np.broadcast_to(np.asarray(move.tolerance, dtype=float), np.shape(move.tolerance) or ())
+    tolerance = np.asarray(move.tolerance, dtype=float)
     if tolerance.shape not in ((), (robot.size,)):
         raise InputError(
             f"{task.name}: [[move]]: tolerance has {tolerance.size} numbers; the robot has {robot.size} joints"

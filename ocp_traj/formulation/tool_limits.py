@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import casadi
@@ -13,6 +14,7 @@ from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.formulation.requirements import PathConstraint, State, state_function
 from ocp_traj.formulation.route import Route
 from ocp_traj.formulation.tool_moves import ToolMove
+from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.paths.cartesian import CONSTANTS, beyond, places, wanted_rotation
 from ocp_traj.robot.robot import Robot
 
@@ -29,6 +31,8 @@ SAMPLES = 9  # of a piece
 MANY = tuple(float(u) for u in np.linspace(0.0, 1.0, 7)[1:])  # first instants of limits that rest along whole arcs
 FEW = (0.0, 0.5, 1.0)  # of the others
 MOST_EXCHANGES = 16
+# For IPOPT: a wide barrier leads away from a start along the path, and it does not always find the way back.
+NARROW = {"mu_init": 1e-6, "bound_push": 1e-8, "bound_frac": 1e-8}
 
 
 def tool_speed_limit(robot: Robot, most: float) -> PathConstraint:
@@ -94,15 +98,16 @@ def enough_pieces(robot: Robot, route: Route, parametrise: Callable[[int], Param
     return count
 
 
-def tool_tuning(route: Route, limits: Sequence[PathConstraint]) -> dict[str, Any]:
-    """Fields of the problem's ``Tuning`` where there are tool paths; measured on lines, arcs and poses."""
+def tool_tuning(tuning: Tuning, route: Route, limits: Sequence[PathConstraint]) -> Tuning:
+    """The tuning where there are tool paths, as measured on lines, arcs and poses; as it is where there are none."""
     if not route.tool_moves:
-        return {}
+        return tuning
     instants: dict[str, Sequence[float]] = {}
     for limit in limits:
         many = limit.id.startswith("tool-")
         instants[limit.id] = MANY if many else () if limit.order is None else FEW
-    return {"instants": instants, "max_exchanges": MOST_EXCHANGES}
+    options = {**tuning.solver_options, "ipopt": {**tuning.solver_options.get("ipopt", {}), **NARROW}}
+    return replace(tuning, instants=instants, max_exchanges=MOST_EXCHANGES, solver_options=options)
 
 
 def _name(number: int) -> str:

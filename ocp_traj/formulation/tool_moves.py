@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -243,7 +243,7 @@ class _Frames:
             if not arc.with_arc:
                 return through
             axis = np.cross(through.tangent, through.normal)
-            return Section(*_fields(through)[:-1], turn=axis * through.curvature * through.length)
+            return replace(through, turn=axis * through.curvature * through.length)
         assert arc.axis is not None and arc.angle is not None
         angle = self.angle * arc.angle
         if not 0.0 < abs(angle) <= 2.0 * np.pi * (1.0 + 1e-12):
@@ -271,10 +271,6 @@ class _Frames:
             w, x, y, z = np.array(turned.quat_wxyz) / np.linalg.norm(turned.quat_wxyz)
             return np.asarray(pin.Quaternion(w, x, y, z).toRotationMatrix())
         return otherwise
-
-
-def _fields(section: Section) -> tuple[Any, ...]:
-    return section.start, section.tangent, section.normal, section.curvature, section.length, section.turn
 
 
 def _turn(here: pin.SE3, rotation: Array) -> Array:

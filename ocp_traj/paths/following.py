@@ -162,8 +162,9 @@ def _least_singular(ik: InverseKinematics, path: ToolPath, s: Array, q: Array) -
             good, bad = (middle, bad) if at(middle, q[i - 1]) >= SINGULAR else (good, middle)
         return at(bad, q[i]), bad
     bounds = s[max(i - 1, 0)], s[min(i + 1, len(s) - 1)]
-    options = {"maxiter": HALVINGS, "xatol": 1e-6}
-    found = minimize_scalar(lambda place: at(place, q[i]), bounds=bounds, method="bounded", options=options)
+    found = minimize_scalar(
+        lambda place: at(place, q[i]), bounds=bounds, method="bounded", options={"maxiter": HALVINGS}
+    )
     return (float(found.fun), float(found.x)) if found.fun < values[i] else (float(values[i]), float(s[i]))
 
 

@@ -1,7 +1,7 @@
 """The audit: every limit of a trajectory, at every instant, proved or not, from the trajectory and its limits alone.
 
-Path limits are proved by ``prover``. Continuity, rest, via points, durations and parameters are checked to a
-tolerance. What is proved is the tape, with its constants as rounded.
+Path limits are proved by ``prover`` and ``swept``, clearances by ``clearance``. Continuity, rest, via points, durations
+and parameters are checked to a tolerance. What is proved is the tape, with its constants as rounded.
 """
 
 from __future__ import annotations

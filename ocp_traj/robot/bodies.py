@@ -2,14 +2,13 @@
 
 A body is a core grown by a ball of ``radius``. Cores are a point (sphere), a segment (capsule), a box, a cylinder, and
 a half-space; the first three are boxes of which some half lengths are zero, so that their vertices give them exactly:
-1, 2 and 8. A cylinder has none: its support function is exact, and a prism of ``prism`` encloses it.
+1, 2 and 8. A cylinder has none: its support function is exact.
 
-How to use them::
+They are made and used so::
 
     ball = sphere("ball", 0, [0.5, 0.0, 0.3], 0.1)          # joint 0 is the world
     arm = capsule("arm", 3, [0, 0, 0], [0.4, 0, 0], 0.05)   # in the frame of joint 3 of the robot's model
     arm.vertices                                            # (2, 3) in that frame; the body: their hull, grown
-    points_in_world(robot, q, arm.joint, arm.vertices)      # SX (3, 2) of actuator coordinates q
     arm.support(n)                                          # the largest n . x, n in the joint's frame
     shape, placement = arm.coal()                           # for coal.distance; placement in the joint's frame
 
@@ -22,19 +21,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from math import cos, hypot, pi
+from math import hypot
 from typing import Any
 
 import coal
 import numpy as np
 import pinocchio as pin
-from casadi import SX, repmat
 from numpy.typing import ArrayLike
 
 from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError, RobotDefinitionError, quoted
 from ocp_traj.robot.dynamics import joint_index
-from ocp_traj.robot.robot import Robot
 
 SPHERE, CAPSULE, BOX, CYLINDER, HALF_SPACE = KINDS = ("sphere", "capsule", "box", "cylinder", "half-space")
 ROTATED = 1e-9  # how far a rotation's columns may be from orthonormal
@@ -84,14 +81,9 @@ class Body:
         object.__setattr__(self, "link", self.link or self.name)
 
     @property
-    def polytope(self) -> bool:
-        """Whether the core is the hull of its vertices."""
-        return self.kind in (SPHERE, CAPSULE, BOX)
-
-    @property
     def vertices(self) -> Array:
         """Of the core ``(1, 2, 4 or 8, 3)``, in the joint's frame [m]; of a cylinder or half-space ``InputError``."""
-        if not self.polytope:
+        if self.kind in (CYLINDER, HALF_SPACE):
             raise InputError(f"body {quoted(self.name)} is a {self.kind}, which has no vertices")
         sides = [(0.0,) if h == 0.0 else (-h, h) for h in self.half.tolist()]
         return np.asarray(self.centre + np.array(list(product(*sides))) @ self.axes.T)
@@ -124,17 +116,6 @@ class Body:
         shape = coal.Box(*(2.0 * self.half)) if self.kind == BOX else coal.Cylinder(self.half[0], 2.0 * self.half[2])
         shape.setSweptSphereRadius(self.radius)
         return shape, placement
-
-    def prism(self, sides: int = 16) -> Array:
-        """Vertices ``(2 sides, 3)`` of a regular prism around a cylinder's core.
-
-        It stands off by R (1 / cos(pi / sides) - 1): 2 % of R for 16 sides.
-        """
-        turns = np.arange(sides) * (2.0 * pi / sides)
-        reach = float(self.half[0]) / cos(pi / sides) * (1.0 + 1e-15)
-        ring = np.stack([reach * np.cos(turns), reach * np.sin(turns)], axis=1)
-        ends = [np.column_stack([ring, np.full(sides, end)]) for end in (-self.half[2], self.half[2])]
-        return np.asarray(self.centre + np.concatenate(ends) @ self.axes.T)
 
     def to_data(self, model: pin.Model) -> dict[str, Any]:
         """As JSON has it, its joint by name; ``from_data`` makes it again, bit by bit."""
@@ -206,13 +187,6 @@ def half_space(name: str, normal: ArrayLike, offset: float, link: str = "") -> B
         )
     axes = axes_along(direction / size)
     return Body(name, HALF_SPACE, 0, (float(offset) / size) * axes[:, 2], axes, np.full(3, np.inf), 0.0, link)
-
-
-def points_in_world(robot: Robot, q: SX, joint: int, points: ArrayLike) -> SX:
-    """Where points ``(n, 3)`` fixed to a joint's frame are in the world, ``(3, n)``, at actuator coordinates q."""
-    fixed = np.asarray(points, dtype=float).reshape(-1, 3)
-    rotation, position = robot.joint_pose(q, joint)
-    return rotation @ SX(fixed.T) + repmat(position, 1, len(fixed))
 
 
 def axes_along(direction: Array) -> Array:

@@ -114,11 +114,14 @@ def _net() -> Array:
     return np.stack([np.sqrt(1.0 - z * z) * np.cos(turn), np.sqrt(1.0 - z * z) * np.sin(turn), z], axis=1)
 
 
-_NET = _net()
+_NET, _LINE = _net(), (0.5412841283, 0.7297261471, 0.4180339887)
 
 
 def _points(triangles: Array) -> Array:
-    return np.unique(triangles.reshape(-1, 3), axis=0)
+    """Corners of triangles, most of them once: of those with one place along a line of no meaning, one."""
+    corners = triangles.reshape(-1, 3)
+    places = corners[:, 0] * _LINE[0] + corners[:, 1] * _LINE[1] + corners[:, 2] * _LINE[2]
+    return np.asarray(corners[np.unique(places, return_index=True)[1]])
 
 
 def _principal(points: Array) -> Array:
@@ -127,8 +130,11 @@ def _principal(points: Array) -> Array:
     return np.asarray(np.linalg.eigh(centred.T @ centred)[1].T)
 
 
-def _smallest(points: Array, cylinders: bool = False) -> FittedCapsule:
-    """The capsule, or cylinder, of least volume around points ``(n, 3)``, of some axes and radii."""
+def _smallest(corners: Array, points: Array, cylinders: bool) -> FittedCapsule:
+    """The capsule, or cylinder, of least volume around corners ``(m, 3)``, of some axes and radii.
+
+    It is looked for around some of them, ``points (n, 3)``, and then made to hold all.
+    """
     axes = np.concatenate([np.eye(3), _principal(points)])
     first = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
     first = first - (first * axes).sum(axis=1)[:, None] * axes
@@ -151,18 +157,18 @@ def _smallest(points: Array, cylinders: bool = False) -> FittedCapsule:
         flat_volume = np.pi * off2.max(axis=1) * span
         best = int(np.argmin(flat_volume))
         if flat_volume[best] < volume[k, w]:
-            return _cylinder(points, axes[best], centre[best] @ across[best])
+            return _cylinder(corners, points, axes[best], centre[best] @ across[best])
     ends = [centre[k] @ across[k] + end * axes[k] for end in (low[k, w], high[k, w])]
     span = ends[1] - ends[0]
     length2 = float(span @ span)
-    along = np.clip((points - ends[0]) @ span / length2, 0.0, 1.0) if length2 > 0.0 else np.zeros(len(points))
-    least = float(np.linalg.norm(points - ends[0] - along[:, None] * span, axis=1).max()) + ROUNDING
+    along = np.clip((corners - ends[0]) @ span / length2, 0.0, 1.0) if length2 > 0.0 else np.zeros(len(corners))
+    least = float(np.linalg.norm(corners - ends[0] - along[:, None] * span, axis=1).max()) + ROUNDING
     return FittedCapsule(ends[0], ends[1], least, float(volume[k, w]), False, points)
 
 
-def _cylinder(points: Array, axis: Array, foot: Array) -> FittedCapsule:
-    """The cylinder around points ``(n, 3)`` whose axis runs through a point; see ``ROUNDING``."""
-    height, across = points @ axis, points - foot - ((points - foot) @ axis)[:, None] * axis
+def _cylinder(corners: Array, points: Array, axis: Array, foot: Array) -> FittedCapsule:
+    """The cylinder around corners ``(m, 3)`` whose axis runs through a point; see ``ROUNDING``."""
+    height, across = corners @ axis, corners - foot - ((corners - foot) @ axis)[:, None] * axis
     radius = float(np.linalg.norm(across, axis=1).max()) + ROUNDING
     low, high = float(height.min()) - ROUNDING, float(height.max()) + ROUNDING
     base = foot - (foot @ axis) * axis
@@ -171,7 +177,7 @@ def _cylinder(points: Array, axis: Array, foot: Array) -> FittedCapsule:
 
 
 def _fit(slabs: list[Array], cylinders: bool) -> list[FittedCapsule]:
-    return [_smallest(_points(slab), cylinders) for slab in slabs]
+    return [_smallest(slab.reshape(-1, 3), _points(slab), cylinders) for slab in slabs]
 
 
 def _slabs(triangles: Array, axis: Array, count: int) -> list[Array]:

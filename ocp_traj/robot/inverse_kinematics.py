@@ -90,7 +90,7 @@ class InverseKinematics:
     def jacobian(self, q: Array) -> Array:
         """Of the tool frame, in that frame: rows of translation [m], then of rotation [rad] ``(6 or 5, n)``."""
         full = self._into_tool @ pin.computeJointJacobian(self.robot.model, self._data, q, self._joint)
-        return full[:5] if self.free_turn else full
+        return np.asarray(full[:5] if self.free_turn else full)
 
     def least_singular_value(self, q: Array) -> float:
         """Of the Jacobian, metres and radians alike: 0 where the tool cannot move some way."""

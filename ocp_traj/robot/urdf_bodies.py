@@ -19,7 +19,7 @@ from ocp_traj.robot.urdf import urdf_root, urdf_text
 
 
 def urdf_bodies(
-    model: pin.Model, source: str | Path, *, standoff: float = STANDOFF, most: int = MOST, cylinders: bool = False
+    model: pin.Model, source: str | Path, *, standoff: float = STANDOFF, most: int = MOST, cylinders: bool = True
 ) -> tuple[Body, ...]:
     """Bodies of all links that have collision geometry, on the joints of a robot's model.
 

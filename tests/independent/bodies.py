@@ -52,14 +52,14 @@ def core_distance(one: Any, at: pin.SE3, two: Any, to: pin.SE3) -> float:
         normal = to.rotation[:, 2]
         return float(normal @ (at.translation - to.translation)) - extent(one, at.rotation.T @ normal)
     if one.kind == "sphere":
-        return point_distance(two, to.actInv(at.translation))
+        return float(point_distances(two, to.actInv(at.translation)[None])[0])
     if one.kind == "capsule":
         ends = [at.act(np.array([0.0, 0.0, sign * one.half[2]])) for sign in (-1.0, 1.0)]
         if two.kind == "capsule":
             others = [to.act(np.array([0.0, 0.0, sign * two.half[2]])) for sign in (-1.0, 1.0)]
             return segments_distance(*ends, *others)
         start, end = (to.actInv(point) for point in ends)
-        return least_along(lambda s: point_distance(two, start + s * (end - start)))
+        return least_along(two, start, end - start)
     request, result = coal.DistanceRequest(), coal.DistanceResult()
     request.gjk_tolerance = 1e-12
     shapes = [
@@ -74,12 +74,13 @@ def extent(body: Any, direction: np.ndarray) -> float:
     return float(np.hypot(x, y) + z if body.kind == "cylinder" else x + y + z)
 
 
-def point_distance(body: Any, point: np.ndarray) -> float:
-    """Of a point in the axes of a core."""
+def point_distances(body: Any, points: np.ndarray) -> np.ndarray:
+    """Of points ``(N, 3)`` in the axes of a core."""
     if body.kind == "cylinder":
-        off = max(np.hypot(point[0], point[1]) - body.half[0], 0.0), max(abs(point[2]) - body.half[2], 0.0)
-        return float(np.hypot(*off))
-    return float(np.linalg.norm(np.maximum(np.abs(point) - body.half, 0.0)))
+        aside = np.maximum(np.hypot(points[:, 0], points[:, 1]) - body.half[0], 0.0)
+        return np.hypot(aside, np.maximum(np.abs(points[:, 2]) - body.half[2], 0.0))
+    off = np.maximum(np.abs(points) - body.half, 0.0)
+    return np.sqrt((off * off).sum(axis=1))
 
 
 def segments_distance(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> float:
@@ -100,10 +101,16 @@ def point_segment(p: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
     return float(np.linalg.norm(p - a - s * (b - a)))
 
 
-def least_along(function: Any) -> float:
-    """The least value of a convex function on [0, 1]."""
-    found = minimize_scalar(function, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-12})
-    return min(float(found.fun), function(0.0), function(1.0))
+def least_along(body: Any, start: np.ndarray, run: np.ndarray) -> float:
+    """The least distance of a core from a segment: a grid, ever finer about its least value, as that is convex."""
+    low, high = 0.0, 1.0
+    while True:
+        s = np.linspace(low, high, 33)
+        values = point_distances(body, start + s[:, None] * run)
+        k = int(np.argmin(values))
+        if high - low < 1e-11:
+            return float(values[k])
+        low, high = s[max(k - 1, 0)], s[min(k + 1, 32)]
 
 
 def least_distance(
