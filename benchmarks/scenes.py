@@ -35,6 +35,8 @@ from ocp_traj import problems
 from ocp_traj.files import write_text
 from ocp_traj.io.import_scene import import_scene
 from ocp_traj.results.solution import Solution
+from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.ipopt import Ipopt
 
 Array = NDArray[np.float64]
 
@@ -42,6 +44,7 @@ SAMPLES = 100_000  # of a proved motion
 OMPL_SECONDS = 8.0  # of RRT-Connect
 FINE = 0.02  # [rad] between postures that OMPL's edges are checked at
 GRID = 400  # of TOPP-RA
+SOLVER = Exchange(Ipopt(max_iter=200))  # a start that needs more seldom leads anywhere: the next one counts
 PIECES = 8  # of a move: finer ones gain some 1 % of the time, and take as long again
 LIMITS: dict[str, dict[str, Any]] = {
     "ur5": {"velocity": 3.15, "acceleration": 8.0, "jerk": 60.0},
@@ -83,7 +86,7 @@ def solved(task: Path, start: str, seconds: float, tries: int) -> tuple[Solution
         try:
             with budget(left):
                 problem = problems.load("task", file=str(task), **{"solve.start": start, "curve.finest": PIECES})
-                found = ot.solve(problem, starts=1, seed=seed, certify=False)
+                found = ot.solve(problem, starts=1, seed=seed, certify=False, solver=SOLVER)
         except KeyboardInterrupt:
             reason = f"{reason}; seed {seed} was stopped".lstrip("; ")
             break
