@@ -16,9 +16,10 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint, PointConstraint
 from ocp_traj.formulation.rows import Row
 from ocp_traj.formulation.scalarise import Scalarisation, check_names, value_of
+from ocp_traj.transcription.chosen_values import chosen_values
 from ocp_traj.transcription.derivative_values import DerivativeValues
 from ocp_traj.transcription.instant_program import InstantProgram, Rows
-from ocp_traj.transcription.instant_values import InstantValues, chosen_values
+from ocp_traj.transcription.instant_values import InstantValues
 from ocp_traj.transcription.instants import Instant, step_nodes
 from ocp_traj.transcription.nlp import NLP
 from ocp_traj.transcription.scalar_objective import ScalarObjective

@@ -17,7 +17,8 @@ from ocp_traj.curves.bernstein import basis
 from ocp_traj.formulation.chosen import ChosenLimit
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import SWEEP, PathConstraint
-from ocp_traj.transcription.instant_values import ChosenValues, InstantValues, InstantValuesAt, Peak
+from ocp_traj.transcription.chosen_values import ChosenValues
+from ocp_traj.transcription.instant_values import InstantValues, InstantValuesAt, Peak
 from ocp_traj.transcription.instants import Instant
 from ocp_traj.transcription.kernel import chosen_kernel, limit_kernel
 from ocp_traj.transcription.shape import ShapeAt, shape_of
