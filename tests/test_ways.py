@@ -16,6 +16,7 @@ from ocp_traj.robot.bodies import Body, box, capsule, cylinder, half_space, sphe
 from ocp_traj.robot.clearance_scan import SAG, ClearanceScan
 from ocp_traj.robot.pair_distances import PairDistances
 from ocp_traj.robot.robot import Robot
+from ocp_traj.solvers.way_back import WayBack
 
 LOW, HIGH = np.full(2, -1.0), np.full(2, 1.0)
 
@@ -223,3 +224,21 @@ def test_a_start_that_a_curve_does_not_take_is_refused(tmp_path: Path) -> None:
     (tmp_path / "task.toml").write_text(f'{text}[solve]\nstart = "plan"\n')
     with pytest.raises(InputError, match="plans past obstacles, and there is no"):
         load("task", file=str(tmp_path / "task.toml"))
+
+
+def test_a_stalled_solve_that_went_through_the_wall_begins_at_the_clear_start_again(tmp_path: Path) -> None:
+    (tmp_path / "task.toml").write_text(TASK)
+    problem = load("task", file=str(tmp_path / "task.toml"))
+    points = {}
+    for start in ("straight", "plan"):
+        changed = load("task", file=str(tmp_path / "task.toml"), **{"solve.start": start})
+        points[start] = changed.guess(np.random.default_rng([0, 0]))
+    back = WayBack(problem, points["plan"])
+    assert back.after(points["straight"], stalled=False) is None
+    assert np.array_equal(back.after(points["straight"], stalled=True), points["plan"])  # type: ignore[arg-type]
+    assert back.after(points["plan"], stalled=True) is None
+    # From a start in the wall there is none to go back to, until one is known.
+    through = WayBack(problem, points["straight"])
+    assert through.after(points["straight"], stalled=True) is None
+    assert through.after(points["plan"], stalled=True) is None
+    assert np.array_equal(through.after(points["straight"], stalled=True), points["plan"])  # type: ignore[arg-type]
