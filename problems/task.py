@@ -44,6 +44,7 @@ from ocp_traj.formulation.task_file import changed, read_task, task_of, told
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_payload import carried, payload_notes
 from ocp_traj.formulation.task_resolution import resolve
+from ocp_traj.formulation.task_starts import with_start
 from ocp_traj.formulation.tool_limits import enough_pieces, tool_limits, tool_speed_limit, tool_tuning
 from ocp_traj.formulation.tool_words import tool_figures, tool_notes
 from ocp_traj.formulation.tuning import Tuning
@@ -185,6 +186,7 @@ def _posed(task: Task, robot: Robot, route: Route, clear: Clear | None, made: Pa
     )  # fmt: skip
     if clear is not None:
         problem = with_clearance(problem, clear, made, exact_points(route), bent=not route.tool_moves)
+    problem = with_start(problem, task, made, route.points, problem.requirements.clearance_constraints)
     if task.free_payload:
         bounds = {**problem.reference_point, PAYLOAD: 0.0}
         problem = replace(standard.free_payload(problem, HEAVIEST, LIKELY), reference_point=bounds)
