@@ -11,7 +11,7 @@ import pytest
 
 from ocp_traj.errors import InputError
 from ocp_traj.interval.tape import Tape
-from ocp_traj.paths.cartesian import CONSTANTS, Section, ToolPath, progress, places, wanted_rotation
+from ocp_traj.paths.cartesian import CONSTANTS, Section, ToolPath, places, progress, wanted_rotation
 from ocp_traj.paths.following import SINGULAR, STEP, Unreachable, best_branch, follow
 from ocp_traj.robot.inverse_kinematics import InverseKinematics
 from ocp_traj.robot.robot import Robot

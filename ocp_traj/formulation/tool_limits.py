@@ -31,10 +31,10 @@ SAMPLES = 9  # of a piece
 MANY = tuple(float(u) for u in np.linspace(0.0, 1.0, 7)[1:])  # first instants of limits that rest along whole arcs
 FEW = (0.0, 0.5, 1.0)  # of the others
 MOST_EXCHANGES = 16
-# For IPOPT. A wide barrier leads away from a start along the path, and it does not always find the way back. Where time is
-# least many motions are equally good: with a finer tolerance it goes from one to the other for ever, this one ends in
-# the middle of them, within about 1e-5 of the least time.
-SOLVER_OPTIONS = {"mu_init": 1e-4, "bound_push": 1e-8, "bound_frac": 1e-8, "tol": 1e-6}
+# A wide barrier leads away from a start along the path, and IPOPT does not always find the way back. Many motions are
+# equally quick: with a finer tolerance it goes from one to the other for ever; with this it ends in the middle of them,
+# at some 1e-5 s more than the least time.
+BARRIER, PUSH, TOLERANCE = 1e-4, 1e-8, 1e-6
 
 
 def tool_speed_limit(robot: Robot, most: float) -> PathConstraint:
@@ -108,9 +108,14 @@ def tool_tuning(tuning: Tuning, route: Route, limits: Sequence[PathConstraint]) 
     for limit in limits:
         many = limit.id.startswith("tool-")
         instants[limit.id] = MANY if many else () if limit.order is None else FEW
-    tuning = replace(tuning, instants=instants, max_exchanges=MOST_EXCHANGES)
-    options = {**tuning.solver_options, "ipopt": {**tuning.solver_options.get("ipopt", {}), **SOLVER_OPTIONS}}
-    return replace(tuning, solver_options=options)
+    known = tuning.solver_options.get("ipopt", {})
+    return replace(
+        tuning, instants=instants, max_exchanges=MOST_EXCHANGES,
+        solver_options={
+            **tuning.solver_options,
+            "ipopt": {**known, "mu_init": BARRIER, "bound_push": PUSH, "bound_frac": PUSH, "tol": TOLERANCE},
+        },
+    )  # fmt: skip
 
 
 def _name(number: int) -> str:
