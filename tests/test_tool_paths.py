@@ -120,7 +120,7 @@ def test_a_line_is_solved_proved_exact_at_its_end_and_keeps_its_tolerances_in_a_
     problem = ot.problems.load("task", file=str(FILE), **{"curve.finest": 4})
     solution = ot.solve(problem)
     assert solution.audit is not None and solution.audit.proved and solution.trajectory is not None
-    assert 0.3041 / 0.25 < solution.trajectory.duration < 1.463  # [s]; no motion is quicker than the tool's speed allows
+    assert 0.3041 / 0.25 < solution.trajectory.duration < 1.463  # [s]; the speed allows no less
     found = _scan(problem, solution.trajectory)
     assert found["off"].max() <= 1e-3 + 1e-9 and found["tilt"].max() <= 0.035 + 1e-6
     assert 0.249 < found["speed"].max() <= 0.25 + 1e-9
