@@ -158,6 +158,8 @@ class Ipopt:
             target = float(wanted.get("mu_target", 0.0))
             settings |= dict.fromkeys(_PUSHES, 1e-9 if target > 0.0 else 1e-4)
             settings |= {"warm_start_init_point": "yes", "mu_init": max(1e-9, target)}
+            if not target:  # the first barrier that a problem wants is that of a cold start
+                wanted = {**wanted, "mu_init": max(1e-9, 0.1 * float(wanted.get("tol", self.tol)))}
         return settings | dict(wanted) | dict(self.options)
 
     def _run(self, nlp: NLP, x0: Array, warm: NLPResult | None, begun: float) -> NLPResult:

@@ -11,7 +11,7 @@ import pytest
 
 from ocp_traj.errors import InputError
 from ocp_traj.interval.tape import Tape
-from ocp_traj.paths.cartesian import CONSTANTS, Section, ToolPath, beyond, places, wanted_rotation
+from ocp_traj.paths.cartesian import CONSTANTS, Section, ToolPath, places, progress, wanted_rotation
 from ocp_traj.paths.following import SINGULAR, STEP, Unreachable, best_branch, follow
 from ocp_traj.robot.inverse_kinematics import InverseKinematics
 from ocp_traj.robot.robot import Robot
@@ -51,7 +51,7 @@ def test_distance_progress_and_rotation_of_points_put_off_a_path_are_those() -> 
     rng = np.random.default_rng(1)
     c, p = casadi.SX.sym("c", CONSTANTS), casadi.SX.sym("p", 3)
     outwards, across, along = places(c, p)
-    outputs = [casadi.vertcat(outwards, across, along, *beyond(c, along)), wanted_rotation(c, along)]
+    outputs = [casadi.vertcat(outwards, across, along, progress(c, along, 1e-3)), wanted_rotation(c, along)]
     function = casadi.Function("place", [c, p], outputs)
     Tape(function).require_smooth("a tool path")
     for section in _sections():
@@ -62,7 +62,8 @@ def test_distance_progress_and_rotation_of_points_put_off_a_path_are_those() -> 
                 off = rng.uniform(-1e-2, 1e-2, 2)
                 point = frame.translation - off[0] * normal + off[1] * np.cross(tangent, normal)
                 found, rotation = (np.array(o) for o in function(leg.constants, point))
-                expected = [*off, s - middle, leg.window[0] - s, s - leg.window[1]]
+                low, high = leg.window
+                expected = [*off, s - middle, (2.0 * s - low - high) / (high - low + 2e-3)]
                 np.testing.assert_allclose(found.ravel(), expected, atol=1e-11)
                 np.testing.assert_allclose(rotation, frame.rotation, atol=1e-11)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -119,7 +120,7 @@ def test_a_line_is_solved_proved_exact_at_its_end_and_keeps_its_tolerances_in_a_
     problem = ot.problems.load("task", file=str(FILE), **{"curve.finest": 4})
     solution = ot.solve(problem)
     assert solution.audit is not None and solution.audit.proved and solution.trajectory is not None
-    assert 0.3041 / 0.25 < solution.trajectory.duration < 1.47  # [s]; no motion is quicker than the tool's speed allows
+    assert 0.3041 / 0.25 < solution.trajectory.duration < 1.463  # [s]; the speed allows no less
     found = _scan(problem, solution.trajectory)
     assert found["off"].max() <= 1e-3 + 1e-9 and found["tilt"].max() <= 0.035 + 1e-6
     assert 0.249 < found["speed"].max() <= 0.25 + 1e-9
@@ -165,6 +166,17 @@ def test_tool_paths_of_every_kind_are_proved_and_keep_their_tolerances_in_a_scan
         even = (found["along"] > 0.03 + 1e-4) & (found["along"] < length - 0.03 - 1e-4)
         assert even.sum() > 1000
         assert 0.098 - 1e-9 <= found["speed"][even].min() and found["speed"][even].max() <= 0.102 + 1e-9
+
+
+@pytest.mark.slow
+def test_a_line_is_refined_by_levels_which_are_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """The bound on the tool's speed makes many motions equally quick: a solve must not go from one to the other."""
+    assert run(["solve", str(FILE), "-o", str(tmp_path / "t.json")]) == 0
+    told = re.search(r"by levels: (.*)", "".join(capsys.readouterr()))
+    assert told is not None
+    values = [float(value) for value in re.findall(r"([\d.]+) of \d+ variables", told[1])]
+    assert len(values) == 3 and values == sorted(values, reverse=True) and values[-1] < 1.3815  # [s]
+    assert ot.Trajectory.load(tmp_path / "t.json").audit().proved
 
 
 def test_a_start_along_a_path_keeps_to_it_and_to_its_limits() -> None:

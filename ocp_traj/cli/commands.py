@@ -583,6 +583,8 @@ def _outcome(solution: Solution) -> int:
         console.say(f"feasible, not optimal: {solution.detail}")
     elif not solution.ok:
         console.say(f"{solution.status.value}: {solution.detail}")
+    elif (steps := solution.detail.partition("; by levels: ")[2]) and steps.count(",") > 0:
+        console.say(f"by levels: {steps}")
     return _verdict(solution.audit, solution.ok and solution.moved)
 
 

@@ -15,7 +15,7 @@ from ocp_traj.formulation.requirements import PathConstraint, State, state_funct
 from ocp_traj.formulation.route import Route
 from ocp_traj.formulation.tool_moves import PAST, ToolMove
 from ocp_traj.formulation.tuning import Tuning
-from ocp_traj.paths.cartesian import CONSTANTS, beyond, places, wanted_rotation
+from ocp_traj.paths.cartesian import CONSTANTS, places, progress, wanted_rotation
 from ocp_traj.robot.robot import Robot
 
 POSITION, PROGRESS, TILT, SPEED, CONSTANT = (
@@ -31,8 +31,11 @@ SAMPLES = 9  # of a piece
 MANY = tuple(float(u) for u in np.linspace(0.0, 1.0, 7)[1:])  # first instants of limits that rest along whole arcs
 FEW = (0.0, 0.5, 1.0)  # of the others
 MOST_EXCHANGES = 16
-# For IPOPT: a wide barrier leads away from a start along the path, and it does not always find the way back.
-NARROW = {"mu_init": 1e-6, "bound_push": 1e-8, "bound_frac": 1e-8}
+# A wide barrier leads away from a start along the path, and IPOPT does not always find the way back; so does a narrow one
+# that begins much nearer to the limits than it keeps off them. Many motions are
+# equally quick: with a finer tolerance it goes from one to the other for ever; with this it ends in the middle of them,
+# at some 1e-5 s more than the least time.
+BARRIER, PUSH, TOLERANCE = 1e-4, 1e-4, 1e-6
 
 
 def tool_speed_limit(robot: Robot, most: float) -> PathConstraint:
@@ -106,11 +109,14 @@ def tool_tuning(tuning: Tuning, route: Route, limits: Sequence[PathConstraint]) 
     for limit in limits:
         many = limit.id.startswith("tool-")
         instants[limit.id] = MANY if many else () if limit.order is None else FEW
-    tuning = replace(tuning, instants=instants, max_exchanges=MOST_EXCHANGES)
-    if any(move.speed is not None for _, move in route.tool_moves):  # there it takes too many rounds
-        return tuning
-    options = {**tuning.solver_options, "ipopt": {**tuning.solver_options.get("ipopt", {}), **NARROW}}
-    return replace(tuning, solver_options=options)
+    known = tuning.solver_options.get("ipopt", {})
+    return replace(
+        tuning, instants=instants, max_exchanges=MOST_EXCHANGES,
+        solver_options={
+            **tuning.solver_options,
+            "ipopt": {**known, "mu_init": BARRIER, "bound_push": PUSH, "bound_frac": PUSH, "tol": TOLERANCE},
+        },
+    )  # fmt: skip
 
 
 def _name(number: int) -> str:
@@ -140,8 +146,8 @@ def _group(
         outwards, across, _ = places(s.c, robot.tool_pose(s.q)[1])
         return (1e3 * outwards) ** 2 + (1e3 * across) ** 2
 
-    def progress(s: State) -> Any:
-        return casadi.vertcat(*beyond(s.c, places(s.c, robot.tool_pose(s.q)[1])[2]))
+    def along(s: State) -> Any:
+        return progress(s.c, places(s.c, robot.tool_pose(s.q)[1])[2], PAST * position)
 
     def tilted(s: State) -> Any:
         rotation, place = robot.tool_pose(s.q)
@@ -151,12 +157,10 @@ def _group(
         return (3.0 - casadi.trace(casadi.mtimes(wanted.T, rotation))) / 2.0
 
     # With what it may run past an end, the tool is nowhere farther from the path than the tolerance.
-    mm2, past = np.array([(1e3 * position) ** 2 * (1.0 - PAST**2)]), np.full(2, PAST * position)
+    mm2, whole = np.array([(1e3 * position) ** 2 * (1.0 - PAST**2)]), np.ones(1)
     return [
         PathConstraint(POSITION + name, off, none, mm2, ("mm2",), ("squared",), **where),
-        PathConstraint(
-            PROGRESS + name, progress, np.full(2, -np.inf), past, ("m",) * 2, ("before start", "past end"), **where
-        ),
+        PathConstraint(PROGRESS + name, along, -whole, whole, ("-",), ("of half its window",), **where),
         PathConstraint(TILT + name, tilted, none, np.array([1.0 - np.cos(tilt)]), ("-",), ("1 - cos",), **where),
     ]
 

@@ -229,9 +229,10 @@ def wanted_rotation(constants: Any, along: Any) -> Any:
     return turned + (1.0 - casadi.cos(angle)) * casadi.mtimes(cross, casadi.mtimes(cross, middle))
 
 
-def beyond(constants: Any, along: Any) -> tuple[Any, Any]:
-    """By how much a place along a leg lies before its window, and after it [m], symbolic."""
-    return constants[23] - along, along - constants[24]
+def progress(constants: Any, along: Any, past: float) -> Any:
+    """A place along a leg as a share of half its window, symbolic: from -1 to 1 within it and ``past`` [m] beyond."""
+    low, high = constants[23], constants[24]
+    return (along - (low + high) / 2.0) / ((high - low) / 2.0 + past)
 
 
 def _across(direction: Array) -> Array:
