@@ -118,6 +118,7 @@ def test_a_file_of_it_is_not_audited_without_it(tmp_path: Path, capsys: pytest.C
     assert ot.audit(ot.Trajectory.load(file), problem.requirements).proved
 
 
+@pytest.mark.slow
 def test_a_file_of_an_importable_problem_is_audited_with_it(tmp_path: Path) -> None:
     found = ot.solve(own_limit.build())
     assert found.trajectory is not None and found.audit is not None and found.audit.proved

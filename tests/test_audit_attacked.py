@@ -168,6 +168,7 @@ def _mpf(x: Fraction) -> Any:
     return mpmath.mpf(x.numerator) / x.denominator
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joints", [1, 3, 6])
 def test_torques_of_pinocchio_respect_the_audit(joints: int) -> None:
     rng = np.random.default_rng([4, joints])

@@ -133,6 +133,7 @@ def test_a_printed_bound_is_one(lower: float, upper: float) -> None:
     assert float(numbers[0]) == pytest.approx(lower, rel=1e-9) and float(numbers[1]) == pytest.approx(upper, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_slow_solution_is_not_certified_and_a_better_point_is_named() -> None:
     problem = problems.load("rotor-353")
     best = Exchange().solve(problem, TIME, np.array([0.5, 1.0, 0.5]))

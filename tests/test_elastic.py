@@ -25,6 +25,7 @@ def _task(**changes: object) -> Problem:
     return ot.problems.load("task", file=str(EXAMPLES / "ur5-via.toml"), **changes)
 
 
+@pytest.mark.slow
 def test_what_a_time_has_to_give_is_what_the_shortest_motion_takes_beyond_it() -> None:
     problem = _task()
     least = ot.solve(problem).f

@@ -78,6 +78,7 @@ def test_via_points_that_are_no_numbers_are_named() -> None:
     assert "its curve is not finite on segment 0" in ot.solve(bent, certify=False).explain()
 
 
+@pytest.mark.slow
 def test_a_bound_on_a_variable_that_is_in_the_way_is_not_crowded_out_by_what_is_missed() -> None:
     jerk = (2100.0, 2100.0, 2200.0, 4300.0, 4500.0, 7200.0)
     found = ot.solve(ot.problems.load("rotor-353", max_duration=0.2, jerk=jerk))

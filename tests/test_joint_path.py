@@ -183,6 +183,7 @@ def test_points_of_a_file_are_joined_by_a_spline(tmp_path: Path) -> None:
         assert np.abs(path.points - POINTS).max() < 1e-13 and path.continuity == continuity
 
 
+@pytest.mark.slow
 def test_a_run_with_many_trajectories_is_asked_which(tmp_path: Path) -> None:
     problem = ot.problems.load("rotor-353")
     front = ot.pareto(problem, ["time", "effort"], points=2)

@@ -49,5 +49,7 @@ def test_few_nodes_are_enough_where_there_are_many_pieces(problem: ot.Problem) -
         objective = problem.objective(name)
         for pieces, nodes in NODES.items():
             finer = cut(curve, pieces, legs)
-            found, exact = (_integral(finer, replace(objective, quadrature=gauss(n)), 6, np.array([3.0])) for n in (nodes, 30))
+            found, exact = (
+                _integral(finer, replace(objective, quadrature=gauss(n)), 6, np.array([3.0])) for n in (nodes, 30)
+            )
             assert abs(found / exact - 1.0) < (1e-3 if pieces == 1 else 1e-6)

@@ -24,6 +24,7 @@ def _pieces(problem: ot.Problem, legs: int) -> int:
     return len(motion_of(problem, problem.guess(np.random.default_rng(0))).curve.durations) // legs
 
 
+@pytest.mark.slow
 def test_more_pieces_are_solved_from_fewer_until_little_is_gained(robot: ot.Robot) -> None:
     found = ot.solve(refined(robot, wander(6), 1, 16))
     assert found.ok and found.audit is not None and found.audit.proved
@@ -60,6 +61,7 @@ def test_prolonged_variables_are_the_same_motion_a_little_slower(robot: ot.Robot
     assert_allclose(other(shares * other.duration), curve(shares * curve.duration), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_level_that_is_not_solved_leaves_the_one_before(robot: ot.Robot) -> None:
     coarse = quintics(robot, move(0), 8, torque=False)
     slow = quintics(ur5(velocity=(0.01,) * 6), move(0), 8, torque=False)

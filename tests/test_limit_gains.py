@@ -46,6 +46,7 @@ def test_limits_on_derivatives_share_the_time_among_them(file: str, changes: dic
     assert shares == pytest.approx(solution.f, rel=2e-6)  # of the back-off of 1e-9 and tolerances of 1e-8
 
 
+@pytest.mark.slow
 def test_a_bound_of_zero_has_a_slope_and_no_per_cent() -> None:
     """Obstacles do not change with time, so that the identity is of the limits on derivatives alone."""
     solution = ot.solve(ot.problems.load("wrist-obstacle"), objective="time", starts=2, certify=False)
@@ -68,6 +69,7 @@ def _wider(problem: Problem, limit: str, row: int, factor: float) -> Problem:
     return replace(problem, requirements=replace(problem.requirements, path_constraints=tuple(changed)))
 
 
+@pytest.mark.slow
 def test_gains_are_the_differences_of_solving_again() -> None:
     problem = ot.problems.load("hybrid-spline")
     found = ot.solve(problem, objective="time", starts=1, certify=False)

@@ -63,6 +63,7 @@ def test_a_trajectorys_own_curve_is_the_geometry_to_the_last_bit(tmp_path: Path)
     assert all(map(np.array_equal, path_of(again).curve.control_points, given.curve.control_points))
 
 
+@pytest.mark.slow
 def test_a_trajectory_is_retimed_and_proved(tmp_path: Path) -> None:
     given = motion(tmp_path)
     solution = ot.solve(task(tmp_path, "motion.json"))
@@ -166,6 +167,7 @@ def test_geometry_has_to_pass_the_points(tmp_path: Path) -> None:
         ot.problems.load("task", **fields)
 
 
+@pytest.mark.slow
 def test_a_path_with_limits_up_to_snap_is_solved_by_levels_of_four_times_the_pieces(tmp_path: Path) -> None:
     rows = (EXAMPLES / "ur5-path.csv").read_text().splitlines()
     (tmp_path / "three.csv").write_text("\n".join(rows[:4]) + "\n")

@@ -95,6 +95,7 @@ def test_objectives_are_with_what_each_move_carries_wherever_they_are_summed(pro
         assert np.abs(np.ravel(mine) - theirs).max() <= 1e-9 * (1.0 + np.abs(theirs).max())
 
 
+@pytest.mark.slow
 def test_it_is_solved_proved_and_proved_again_from_its_file(problem: Problem, tmp_path: Path) -> None:
     solution = ot.solve(problem)
     assert solution.audit is not None and solution.audit.proved and solution.trajectory is not None

@@ -127,6 +127,7 @@ def test_public_names_are_all_there() -> None:
 OWN = "examples.own_robot:build"
 
 
+@pytest.mark.slow
 def test_an_own_robot_in_35_lines_does_all_that_a_papers_does(tmp_path: Path) -> None:
     lines = Path(str(own_robot.__file__)).read_text().splitlines()
     assert sum(bool(line.strip()) for line in lines) <= 35

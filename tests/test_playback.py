@@ -129,6 +129,7 @@ def test_lines_and_cubics_are_told_what_they_break(fast: Trajectory) -> None:
         played(fast, interpolation="spline")
 
 
+@pytest.mark.slow
 def test_higher_degrees_are_refitted_within_the_tolerance_and_snap_is_named(welded: Trajectory) -> None:
     assert welded.origin is not None
     points = []
@@ -179,6 +180,7 @@ def test_finer_samples_deviate_less_and_state_their_own_excess(fast: Trajectory)
         assert one.excess == pytest.approx(worst_jerk(one) / 60.0 - 1.0, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_seam_is_followed_between_samples_that_straddle_its_pieces(welded: Trajectory) -> None:
     """Limits with constants of each segment are put to the samples that lie on parts of two of them."""
     found = played(welded, 50.0)

@@ -112,6 +112,7 @@ def test_a_path_is_driven_as_fast_as_toppra_does_and_proved(path: JointPath) -> 
     assert off_path(path, found.trajectory.curve, law(path, 2, 8).legs) < 1e-12
 
 
+@pytest.mark.slow
 def test_jerk_and_torque_limits_are_proved_as_well(path: JointPath) -> None:
     problem = retimed(arm(acceleration=8.0, jerk=60.0), path, 4, rest=2, payload=PAYLOAD)
     found = ot.solve(problem, certify=False)
@@ -120,6 +121,7 @@ def test_jerk_and_torque_limits_are_proved_as_well(path: JointPath) -> None:
     assert {row.limit for row in found.audit.rows} >= {"jerk-limit", "effort-limit", FORWARD, "rest", "via"}
 
 
+@pytest.mark.slow
 def test_levels_lead_to_more_pieces(path: JointPath) -> None:
     found = ot.solve(refined(arm(acceleration=8.0), path, 2, 8), certify=False)
     assert found.audit is not None and found.audit.proved

@@ -142,6 +142,7 @@ def test_numbers_that_are_no_robot_are_named(change: Callable[[Any], None], mess
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_changed_numbers_are_a_robot_or_refused_in_one_line() -> None:
     rng = np.random.default_rng(12)
     whole = to_numbers(replace(random_robot(rng, 3), friction=Friction(1.0, 0.5, 0.02)))

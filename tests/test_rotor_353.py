@@ -427,6 +427,7 @@ def test_per_joint_recipe_takes_the_longest_of_each_phase_of_the_joints_alone(re
         assert (alone.x <= recipe.x + 1e-9).all()
 
 
+@pytest.mark.slow
 def test_per_joint_recipe_breaks_a_limit_with_the_printed_sign() -> None:
     for changes, excess in ((PURE, 0.0668), ({}, 0.1393)):
         problem = problems.load("rotor-353", timing="per_joint", as_printed=True, **changes)

@@ -64,6 +64,7 @@ def test_it_begins_at_a_file_of_the_command_line_and_through_other_points(coarse
     assert run(["solve", "rotor-353", "--start", str(file)]) == 2
 
 
+@pytest.mark.slow
 def test_it_begins_at_the_best_point_of_a_run(tmp_path: Path) -> None:
     problem = _load()
     front = ot.pareto(problem, ["time", "acceleration"], points=3, output=tmp_path / "run")
@@ -101,6 +102,7 @@ def test_what_does_not_fit_is_refused_with_the_reason(
     assert capsys.readouterr().err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_run_of_a_refined_task_is_opened_at_the_level_it_was_traced_at(tmp_path: Path) -> None:
     problem = _load(kind="auto", finest=2)
     front = ot.pareto(problem, ["time", "energy"], points=3, output=tmp_path / "run")

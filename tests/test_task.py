@@ -95,6 +95,7 @@ def test_a_task_in_code_is_the_task_of_the_file() -> None:
     assert again == file.model_copy(update={"source": None})
 
 
+@pytest.mark.slow
 def test_a_trajectorys_file_is_enough_to_prove_it_and_a_changed_one_is_seen(tmp_path: Path) -> None:
     file = tmp_path / "t.json"
     assert run(["solve", str(EXAMPLES / "ur5-via.toml"), "-o", str(file)]) == 0
@@ -144,6 +145,7 @@ def test_mutated_tasks_are_understood_or_refused_in_one_line() -> None:
     assert "understood" in found and not any("\n" in words for words in found)
 
 
+@pytest.mark.slow
 def test_moves_of_different_tolerance_are_refused_and_a_tolerance_is_kept(tmp_path: Path) -> None:
     text = VIA.replace('"cubic"', '"quintic"').replace("[[move]]\n", "[[move]]\ntolerance = 0.02\n")
     solution = ot.solve(_load(tmp_path, text))

@@ -92,6 +92,7 @@ def test_a_file_that_claims_more_clearance_than_it_keeps_is_refused(tmp_path: Pa
     assert row.limit == "obstacles"
 
 
+@pytest.mark.slow
 def test_most_clearance_is_what_start_and_goal_leave() -> None:
     found = ot.solve(_problem(), objective="clearance", seed=0)
     assert found.audit.proved

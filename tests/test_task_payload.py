@@ -41,6 +41,7 @@ def test_the_largest_payload_is_that_whose_shortest_motion_takes_the_time(tmp_pa
     assert again.audit().proved and again.parameters["payload"] == found.payload
 
 
+@pytest.mark.slow
 def test_the_command_finds_it_along_a_trajectory_and_writes_one_that_is_proved(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -116,6 +116,7 @@ def _end(problem: ot.Problem, trajectory: Any) -> tuple[np.ndarray, np.ndarray]:
     return rotation[0], place[0]
 
 
+@pytest.mark.slow
 def test_a_line_is_solved_proved_exact_at_its_end_and_keeps_its_tolerances_in_a_scan() -> None:
     problem = ot.problems.load("task", file=str(FILE), **{"curve.finest": 4})
     solution = ot.solve(problem)

@@ -90,6 +90,7 @@ def test_gravity_torques_of_the_bare_arm_stay_below_what_its_data_give() -> None
 # --- seam and start ---
 
 
+@pytest.mark.slow
 def test_the_fit_puts_the_torch_on_the_seam() -> None:
     case = Ogbemhe2019()
     begun = start(case)

@@ -306,6 +306,7 @@ def test_most_starts_of_a_branch_end_in_its_best_optimum(wrist: Problem) -> None
 # --- obstacles of one's own ---
 
 
+@pytest.mark.slow
 def test_two_spheres_are_both_cleared() -> None:
     """The second sphere stands in the way of the optimum past the first."""
     centre = 1.2 * tip((1.9, 1.9, 0.0)) / 2.0
@@ -319,6 +320,7 @@ def test_two_spheres_are_both_cleared() -> None:
     assert least_distance(polynomials(one, solve(one, starts=1).x), spheres[1]) < 0.0
 
 
+@pytest.mark.slow
 def test_an_obstacle_beyond_the_tips_reach_is_passed_by_the_tip_itself() -> None:
     problem = problems.load("wrist-obstacle", branch="0", obstacles=(FAR,))
     assert [c.id for c in problem.requirements.path_constraints][-1] == "far-obstacles"
