@@ -12,7 +12,8 @@ import pytest
 
 from ocp_traj.errors import FileFormatError, InputError, RobotDefinitionError
 from ocp_traj.robot.bodies import Body, box, capsule, cylinder, half_space, sphere
-from ocp_traj.robot.body_distances import nearest, placed
+from ocp_traj.robot.cores import placed
+from ocp_traj.robot.nearest_points import nearest
 from ocp_traj.robot.body_pairs import (
     body_clearances,
     disabled_collisions,

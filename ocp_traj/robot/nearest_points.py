@@ -1,102 +1,35 @@
 """Nearest points and separating directions of many pairs of convex cores at once.
 
-Everything here is a float computation that proves nothing: ``ocp_traj.proof.separation`` takes the direction and the
-points, and computes anew, with a bound of the rounding, what follows from them. Segments (points included) with
-segments and boxes, and anything with half-spaces, are in closed form, boxes with boxes by their edges; a segment and a
-cylinder by bisection of the distance's slope along the segment; cylinders with boxes and cylinders by ``coal``.
+The one place where they are found: ``nearest_features`` adds to them what the optimiser needs, and everything is a
+float computation that proves nothing: ``ocp_traj.proof.separation`` takes the direction and the points, and computes
+anew, with a bound of the rounding, what follows from them. Segments (points included) with segments and boxes, and
+anything with half-spaces, are in closed form, boxes with boxes by their edges; a segment and a cylinder by bisection of
+the distance's slope along the segment; cylinders with boxes and cylinders by ``coal``. Where a stretch of a segment is
+as near as any of its points, along a parallel segment, face or edge, it is the middle of the stretch.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from ocp_traj.arrays import Array, Index
-from ocp_traj.robot.bodies import CYLINDER, HALF_SPACE, Body
+from ocp_traj.arrays import Array
+from ocp_traj.robot.cores import BOXES, CYLINDERS, HALF_SPACES, SEGMENTS, Cores, dot, projected
 
-SEGMENTS, BOXES, CYLINDERS, HALF_SPACES = range(4)
 BISECTIONS = 52  # of a segment: down to rounding
 POLISHING = 20  # projections back and forth, of what coal finds to its tolerance
 TOLERANCE = 1e-10  # of coal's iteration
+LEVEL = 1e-15  # of lengths: distances that differ by less count as equal, by what floats round
+PERPENDICULAR = 1e-14  # of the product of sizes: a slope below is none, by what floats round
 
 _EDGES = np.array([
     (*corner[:k], 0.0, *corner[k:]) for k in range(3) for corner in product((-1.0, 1.0), repeat=2)
 ])  # fmt: skip
 _RUNS = np.repeat(np.eye(3), 4, axis=0)
-
-
-@dataclass(frozen=True, eq=False)
-class Cores:
-    """N cores in the world, or any one frame.
-
-    Attributes:
-        group: ``SEGMENTS``, ``BOXES``, .. of each ``(N,)``.
-        centre: ``(N, 3)`` [m].
-        axes: columns are the core's axes ``(N, 3, 3)``.
-        half: half lengths along them ``(N, 3)`` [m].
-    """
-
-    group: Index
-    centre: Array
-    axes: Array
-    half: Array
-
-    def take(self, which: Any) -> Cores:
-        """Those at some indices."""
-        return Cores(self.group[which], self.centre[which], self.axes[which], self.half[which])
-
-    def local(self, points: Array) -> Array:
-        """Points ``(N, 3)`` in the cores' own axes."""
-        return np.asarray(np.einsum("nij,ni->nj", self.axes, points - self.centre))
-
-    def world(self, local: Array) -> Array:
-        """The reverse of ``local``."""
-        return np.asarray(self.centre + np.einsum("nij,nj->ni", self.axes, local))
-
-    def project(self, points: Array) -> Array:
-        """The nearest points of the cores ``(N, 3)``."""
-        return self.world(projected(self.local(points), self.half, self.group == CYLINDERS))
-
-    def shrunk(self, by: Array) -> Cores:
-        """Boxes and cylinders whose half lengths are less by ``(N,)`` [m]."""
-        return Cores(self.group, self.centre, self.axes, self.half - by[:, None])
-
-
-def group_of(body: Body) -> int:
-    """How distances to a body are found."""
-    if body.kind == HALF_SPACE:
-        return HALF_SPACES
-    if body.kind == CYLINDER:
-        return CYLINDERS
-    return BOXES if (body.half[:2] > 0.0).any() else SEGMENTS
-
-
-def placed(bodies: Sequence[Body], rotation: Array, position: Array) -> Cores:
-    """Cores of bodies whose joints have rotations ``(N, 3, 3)`` and positions ``(N, 3)``."""
-    centre, axes, half = (np.array([getattr(body, name) for body in bodies]) for name in ("centre", "axes", "half"))
-    world = np.einsum("nij,nj->ni", rotation, centre) + position
-    half = np.where(np.isfinite(half), half, 0.0)
-    return Cores(np.array([group_of(body) for body in bodies]), world, rotation @ axes, half)
-
-
-def projected(local: Array, half: Array, cylinder: NDArray[np.bool_]) -> Array:
-    """Nearest points of cores of half lengths ``(N, 3)`` to points in their own axes ``(N, 3)``."""
-    found = np.clip(local, -half, half)
-    if cylinder.any():
-        flat = local[cylinder, :2]
-        size = np.hypot(flat[:, 0], flat[:, 1])
-        radius = half[cylinder, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.where(size > radius, radius / size, 1.0)
-        found[cylinder, :2] = flat * share[:, None]
-    return found
 
 
 def nearest(a: Cores, b: Cores) -> tuple[Array, Array, Array]:
@@ -120,18 +53,9 @@ def nearest(a: Cores, b: Cores) -> tuple[Array, Array, Array]:
     apart = np.where(size[:, None] > 0.0, apart, centres)
     size = np.linalg.norm(apart, axis=1)
     normal = np.where(size[:, None] > 0.0, apart / np.where(size > 0.0, size, 1.0)[:, None], np.eye(3)[2])
-    normal = np.where((b.group == HALF_SPACES)[:, None], b.axes[:, :, 2], normal)
-    normal = np.where((a.group == HALF_SPACES)[:, None], -a.axes[:, :, 2], normal)
+    normal = np.where((b.group == HALF_SPACES)[:, None], b.axis, normal)
+    normal = np.where((a.group == HALF_SPACES)[:, None], -a.axis, normal)
     return x, y, normal
-
-
-def _runs(cores: Cores) -> Array:
-    """From the middle of segments to their ends ``(N, 3)``."""
-    return np.asarray(cores.axes[:, :, 2] * cores.half[:, 2:])
-
-
-def _dot(x: Array, y: Array) -> Array:
-    return np.asarray(np.einsum("...i,...i->...", x, y))
 
 
 def _share(numerator: Array, denominator: Array) -> Array:
@@ -142,26 +66,30 @@ def _share(numerator: Array, denominator: Array) -> Array:
 def _segment_segment(a: Cores, b: Cores) -> tuple[Array, Array]:
     """The best of five: both inside, and each end of each, with the point of the other nearest to it.
 
-    Where segments are nearly parallel the first is ill-conditioned, and one of the others as good.
+    Where segments are nearly parallel the first is ill-conditioned, and one of the others as good; where they are
+    parallel to the last digits, the middle of where they face one another.
     """
-    d1, d2, r = _runs(a), _runs(b), a.centre - b.centre
-    aa, bb, ab, ar, br = _dot(d1, d1), _dot(d2, d2), _dot(d1, d2), _dot(d1, r), _dot(d2, r)
+    d1, d2, r = a.runs, b.runs, a.centre - b.centre
+    aa, bb, ab, ar, br = dot(d1, d1), dot(d2, d2), dot(d1, d2), dot(d1, r), dot(d2, r)
     inner = _share(ab * br - ar * bb, aa * bb - ab * ab)
     inner = _share(ab * _share(ab * inner + br, bb) - ar, aa)
-    one, zero = np.ones_like(aa), np.zeros_like(aa)
-    s = np.stack([inner, one, -one, *(_share(t * ab - ar, aa) for t in (one, -one, zero))])
+    one = np.ones_like(aa)
+    ends = _share(ab - ar, aa), _share(-ab - ar, aa)
+    s = np.stack([0.5 * (ends[0] + ends[1]), inner, one, -one, *ends])
     t = _share(s * ab + br, bb)
-    x, y = a.centre + s[..., None] * d1, b.centre + t[..., None] * d2
-    best = np.argmin(((x - y) ** 2).sum(axis=2), axis=0), np.arange(len(aa))
-    return x[best], y[best]
+    apart = np.linalg.norm(r + s[..., None] * d1 - t[..., None] * d2, axis=2)
+    best, each = np.argmin(apart, axis=0), np.arange(len(aa))
+    rounding = LEVEL * (np.linalg.norm(r, axis=1) + a.half[:, 2] + b.half[:, 2])
+    best = np.where(apart[0] <= apart[best, each] + rounding, 0, best)
+    return a.centre + s[best, each][:, None] * d1, b.centre + t[best, each][:, None] * d2
 
 
 def _segment_box(a: Cores, b: Cores) -> tuple[Array, Array]:
     """The slope of the squared distance along a segment is monotone and linear between where it passes faces."""
-    start, run, half = b.local(a.centre), np.einsum("nij,ni->nj", b.axes, _runs(a)), b.half
+    start, run, half = b.local(a.centre), b.turned_in(a.runs), b.half
     s = _box_share(start, run, half)
     x = start + s[:, None] * run
-    return a.centre + s[:, None] * _runs(a), b.world(np.clip(x, -half, half))
+    return a.centre + s[:, None] * a.runs, b.world(np.clip(x, -half, half))
 
 
 def _box_share(start: Array, run: Array, half: Array) -> Array:
@@ -171,13 +99,21 @@ def _box_share(start: Array, run: Array, half: Array) -> Array:
         passes = np.concatenate([(half - start) / run, (-half - start) / run], axis=1)
     passes = np.sort(np.concatenate([-one, np.clip(np.nan_to_num(passes, nan=1.0), -1.0, 1.0), one], axis=1), axis=1)
     points = start[:, None] + passes[..., None] * run[:, None]
-    slope = ((points - np.clip(points, -half[:, None], half[:, None])) * run[:, None]).sum(axis=2)
+    beyond = points - np.clip(points, -half[:, None], half[:, None])
+    slope = dot(beyond, run[:, None])
     last = np.clip((slope <= 0.0).sum(axis=1) - 1, 0, 6)
     each = np.arange(len(start))
     low, high = slope[each, last], slope[each, last + 1]
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.clip(np.where(high > low, -low / (high - low), 0.0), 0.0, 1.0)
-    return np.asarray(passes[each, last] + share * (passes[each, last + 1] - passes[each, last]))
+    root = passes[each, last] + share * (passes[each, last + 1] - passes[each, last])
+    # Where the slope vanishes on a stretch: it rises, so that the stretch has no gaps.
+    level = np.abs(slope) <= PERPENDICULAR * np.abs(run).sum(axis=1)[:, None] * np.abs(beyond).max(axis=2)
+    several = np.flatnonzero(level.sum(axis=1) > 1)
+    if len(several):
+        least = np.where(level[several], passes[several], np.inf).min(axis=1)
+        root[several] = 0.5 * (least + np.where(level[several], passes[several], -np.inf).max(axis=1))
+    return np.asarray(root)
 
 
 def _segment_cylinder(a: Cores, b: Cores) -> tuple[Array, Array]:
@@ -185,19 +121,19 @@ def _segment_cylinder(a: Cores, b: Cores) -> tuple[Array, Array]:
     long = a.half[:, 2] > 0.0
     if long.any():
         s[long] = _cylinder_share(a.take(long), b.take(long))
-    x = a.centre + s[:, None] * _runs(a)
+    x = a.centre + s[:, None] * a.runs
     return x, b.project(x)
 
 
 def _cylinder_share(a: Cores, b: Cores) -> Array:
     """Where in [-1, 1] segments are nearest to cylinders: where the slope of the distance changes its sign."""
-    start, run = b.local(a.centre), np.einsum("nij,ni->nj", b.axes, _runs(a))
+    start, run = b.local(a.centre), b.turned_in(a.runs)
     round_ = np.ones(len(start), dtype=bool)
     low, high = -np.ones(len(start)), np.ones(len(start))
     for _ in range(BISECTIONS):
         s = 0.5 * (low + high)
         x = start + s[:, None] * run
-        rising = _dot(x - projected(x, b.half, round_), run) > 0.0
+        rising = dot(x - projected(x, b.half, round_), run) > 0.0
         low, high = np.where(rising, low, s), np.where(rising, s, high)
     return np.asarray(0.5 * (low + high))
 
@@ -227,11 +163,8 @@ def _by_coal(a: Cores, b: Cores) -> tuple[Array, Array]:
     x, y = np.empty((2, len(a.centre), 3))
     request = coal.DistanceRequest()
     request.gjk_tolerance = request.epa_tolerance = TOLERANCE
-    shapes = [[_shape(g, h) for g, h in zip(c.group.tolist(), c.half, strict=True)] for c in (a, b)]
     for k in range(len(x)):
-        places = (coal.Transform3s(pin.SE3(c.axes[k], c.centre[k])) for c in (a, b))
-        result, (at_a, at_b) = coal.DistanceResult(), places
-        coal.distance(shapes[0][k], at_a, shapes[1][k], at_b, request, result)
+        result = coal_distance(a, b, k, request)[1]
         x[k], y[k] = result.getNearestPoint1(), result.getNearestPoint2()
     x, y = np.where(np.isfinite(x), x, a.centre), np.where(np.isfinite(y), y, b.centre)
     x = a.project(x)
@@ -241,14 +174,21 @@ def _by_coal(a: Cores, b: Cores) -> tuple[Array, Array]:
     return x, y
 
 
-def _shape(group: int, half: Array) -> Any:
-    return coal.Cylinder(half[0], 2.0 * half[2]) if group == CYLINDERS else coal.Box(*(2.0 * half))
+def coal_distance(a: Cores, b: Cores, k: int, request: Any) -> tuple[float, Any]:
+    """Signed distance of the k-th pair of cylinders and boxes [m], and ``coal``'s whole result."""
+    placed = []
+    for cores in (a, b):
+        half = cores.half[k]
+        shape = coal.Cylinder(half[0], 2.0 * half[2]) if cores.group[k] == CYLINDERS else coal.Box(*(2.0 * half))
+        placed += [shape, coal.Transform3s(pin.SE3(cores.axes[k], cores.centre[k]))]
+    result = coal.DistanceResult()
+    return float(coal.distance(*placed, request, result)), result
 
 
 def _half_space(a: Cores, b: Cores) -> tuple[Array, Array]:
     """The deepest point of a, and its foot on the face of b."""
-    normal = b.axes[:, :, 2]
-    along = np.einsum("nij,ni->nj", a.axes, normal)
+    normal = b.axis
+    along = a.turned_in(normal)
     local = -np.sign(along) * a.half
     round_ = a.group == CYLINDERS
     size = np.hypot(along[:, 0], along[:, 1])
@@ -256,11 +196,11 @@ def _half_space(a: Cores, b: Cores) -> tuple[Array, Array]:
         rim = np.where(size[:, None] > 0.0, -along[:, :2] / size[:, None] * a.half[:, :1], 0.0)
     local[round_, :2] = rim[round_]
     x = a.world(local)
-    return x, x - _dot(x - b.centre, normal)[:, None] * normal
+    return x, x - dot(x - b.centre, normal)[:, None] * normal
 
 
 _NEAREST = {
-    (SEGMENTS, SEGMENTS): _segment_segment, (SEGMENTS, BOXES): _segment_box, (SEGMENTS, CYLINDERS): _segment_cylinder,
-    (BOXES, BOXES): _box_box, (BOXES, CYLINDERS): _by_coal, (CYLINDERS, CYLINDERS): _by_coal,
+    (SEGMENTS, SEGMENTS): _segment_segment, (SEGMENTS, CYLINDERS): _segment_cylinder, (SEGMENTS, BOXES): _segment_box,
+    (CYLINDERS, CYLINDERS): _by_coal, (CYLINDERS, BOXES): _by_coal, (BOXES, BOXES): _box_box,
     **{(group, HALF_SPACES): _half_space for group in range(4)},
 }  # fmt: skip
