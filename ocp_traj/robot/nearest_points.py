@@ -87,13 +87,20 @@ def _segment_segment(a: Cores, b: Cores) -> tuple[Array, Array]:
 def _segment_box(a: Cores, b: Cores) -> tuple[Array, Array]:
     """The slope of the squared distance along a segment is monotone and linear between where it passes faces."""
     start, run, half = b.local(a.centre), b.turned_in(a.runs), b.half
-    s = _box_share(start, run, half)
+    s = _box_share(start, run, half, middle=True)
     x = start + s[:, None] * run
     return a.centre + s[:, None] * a.runs, b.world(np.clip(x, -half, half))
 
 
-def _box_share(start: Array, run: Array, half: Array) -> Array:
-    """Where in [-1, 1] segments ``start + s run`` are nearest to boxes, all in the boxes' axes."""
+def _box_share(start: Array, run: Array, half: Array, *, middle: bool = False) -> Array:
+    """Where in [-1, 1] segments ``start + s run`` are nearest to boxes, all in the boxes' axes.
+
+    Args:
+        start: their middles ``(N, 3)`` [m].
+        run: from there to their ends ``(N, 3)`` [m].
+        half: half lengths of the boxes ``(N, 3)`` [m].
+        middle: of a stretch that is as near, where there is one; else any of its points.
+    """
     one = np.ones((len(start), 1))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         passes = np.concatenate([(half - start) / run, (-half - start) / run], axis=1)
@@ -107,7 +114,9 @@ def _box_share(start: Array, run: Array, half: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.clip(np.where(high > low, -low / (high - low), 0.0), 0.0, 1.0)
     root = passes[each, last] + share * (passes[each, last + 1] - passes[each, last])
-    # Where the slope vanishes on a stretch: it rises, so that the stretch has no gaps.
+    if not middle:
+        return np.asarray(root)
+    # Where the slope vanishes on a stretch: it only rises, so that the stretch has no gaps.
     level = np.abs(slope) <= PERPENDICULAR * np.abs(run).sum(axis=1)[:, None] * np.abs(beyond).max(axis=2)
     several = np.flatnonzero(level.sum(axis=1) > 1)
     if len(several):

@@ -1,6 +1,6 @@
 """Signed distances of pairs of bodies fixed to a robot's joints or to the world, at many postures at once.
 
-Which points, edges or faces are nearest at a posture (see ``nearest_features``) is told in the frames of the joints that
+Which points, edges or faces are nearest at a posture (``nearest_features``) is told in the frames of the joints that
 carry the bodies: with these numbers held, ``expression`` is the distance as a smooth function of the posture, exact
 there, with its slopes; to second order as well where no face of a core is curved or turns.
 """

@@ -23,7 +23,8 @@ def way_out(a: Cores, b: Cores, meeting: Way) -> Way:
     """Of N pairs that overlap, the group of a not after that of b, without half-spaces.
 
     Args:
-        a, b: the cores.
+        a: the first of each.
+        b: the second.
         meeting: what ``nearest`` finds of them.
     """
     found = tuple(values.copy() for values in meeting)
