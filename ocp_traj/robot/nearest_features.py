@@ -77,8 +77,9 @@ def nearest_features(a: Cores, b: Cores) -> Nearest:
             found.put(here, features(a.take(here), b.take(here), found.take(here)))
     meeting = np.flatnonzero(~apart & (b.group != HALF_SPACES))
     if len(meeting):
+        known = (found.distance[meeting], x[meeting], y[meeting], normal[meeting])
+        ways = way_out(a.take(meeting), b.take(meeting), known)
         told = (found.distance, found.point_a, found.point_b, found.normal)
-        ways = way_out(a.take(meeting), b.take(meeting), tuple(values[meeting] for values in told))
         for values, way in zip(told, ways, strict=True):
             values[meeting] = way
     return found
@@ -112,7 +113,7 @@ def _of_cylinder(a: Cores, b: Cores, found: Nearest) -> Nearest:
     on_axis = b.centre + b.axis * point[:, 2:]
     return Nearest(
         found.distance, found.point_a, np.where(side, on_axis, found.point_b), a.axis * (inner & side), b.axis * side,
-        found.normal, 1.0 - side[:, 0], np.where(side[:, 0], b.half[:, 0], 0.0),
+        found.normal, (~side[:, 0]).astype(float), np.where(side[:, 0], b.half[:, 0], 0.0),
     )  # fmt: skip
 
 
@@ -122,6 +123,5 @@ def _of_box(a: Cores, b: Cores, found: Nearest) -> Nearest:
     count = free.sum(axis=1)
     edge_b = b.turned_out(free * (count == 1)[:, None])
     edge_a = a.axis * (_inner(a, found.point_a) & _skew(a.axis, edge_b) & (count != 2))[:, None]
-    return Nearest(
-        found.distance, found.point_a, found.point_b, edge_a, edge_b, found.normal, (count == 2) * 1.0, found.grown
-    )  # fmt: skip
+    flat = (count == 2).astype(float)
+    return Nearest(found.distance, found.point_a, found.point_b, edge_a, edge_b, found.normal, flat, found.grown)

@@ -127,45 +127,66 @@ def _box_share(start: Array, run: Array, half: Array, *, middle: bool = False) -
 
 def _segment_cylinder(a: Cores, b: Cores) -> tuple[Array, Array]:
     s = np.zeros(len(a.centre))
-    long = a.half[:, 2] > 0.0
-    if long.any():
-        s[long] = _cylinder_share(a.take(long), b.take(long))
+    long = np.flatnonzero(a.half[:, 2] > 0.0)
+    if len(long):
+        segments, solid = a.take(long), b.take(long)
+        s[long] = _cylinder_share(solid.local(segments.centre), solid.turned_in(segments.runs), solid.half)
     x = a.centre + s[:, None] * a.runs
     return x, b.project(x)
 
 
-def _cylinder_share(a: Cores, b: Cores) -> Array:
-    """Where in [-1, 1] segments are nearest to cylinders: where the slope of the distance changes its sign."""
-    start, run = b.local(a.centre), b.turned_in(a.runs)
-    round_ = np.ones(len(start), dtype=bool)
+def _cylinder_share(start: Array, run: Array, half: Array) -> Array:
+    """As ``_box_share``, of cylinders: where the slope of the distance changes its sign."""
+    (x, y, z), (along_x, along_y, along_z), (radius, _, height) = start.T, run.T, half.T
     low, high = -np.ones(len(start)), np.ones(len(start))
     for _ in range(BISECTIONS):
         s = 0.5 * (low + high)
-        x = start + s[:, None] * run
-        rising = dot(x - projected(x, b.half, round_), run) > 0.0
+        at_x, at_y, at_z = x + s * along_x, y + s * along_y, z + s * along_z
+        off = np.maximum(np.sqrt(at_x * at_x + at_y * at_y), radius)
+        slope = (at_x * along_x + at_y * along_y) * (1.0 - radius / off)
+        rising = slope + (at_z - np.clip(at_z, -height, height)) * along_z > 0.0
         low, high = np.where(rising, low, s), np.where(rising, s, high)
     return np.asarray(0.5 * (low + high))
 
 
 def _box_box(a: Cores, b: Cores) -> tuple[Array, Array]:
     """Of disjoint boxes one of the nearest points is on an edge, or may be moved to one along a face."""
-    (x, y), (v, u) = _edges_box(a, b), _edges_box(b, a)
+    (x, y), (v, u) = _edges_solid(a, b), _edges_solid(b, a)
     first = ((x - y) ** 2).sum(axis=1) <= ((u - v) ** 2).sum(axis=1)
     return np.where(first[:, None], x, u), np.where(first[:, None], y, v)
 
 
-def _edges_box(a: Cores, b: Cores) -> tuple[Array, Array]:
-    """The point of the 12 edges of a that is nearest to b, and that of b."""
+def _cylinder_box(a: Cores, b: Cores) -> tuple[Array, Array]:
+    """The best of the box's edges, and of the cylinder's chords between its furthest points along the box's axes.
+
+    Where the nearest point of the box is inside a face, that of the cylinder is the furthest against its normal, or may
+    be moved there or to an edge. Where they meet and no edge meets the cylinder, the furthest point is in the box, or a
+    whole section of the cylinder is in a face, and a point of the chord with it.
+    """
+    y, x = _edges_solid(b, a)
+    start = b.local(a.centre)
+    for k in range(3):
+        run = b.turned_in(a.turned_out(_furthest(a, b.axes[:, :, k])))
+        chord = start + _box_share(start, run, b.half)[:, None] * run
+        on_box = np.clip(chord, -b.half, b.half)
+        better = (((chord - on_box) ** 2).sum(axis=1) < ((x - y) ** 2).sum(axis=1))[:, None]
+        x, y = np.where(better, b.world(chord), x), np.where(better, b.world(on_box), y)
+    return x, y
+
+
+def _edges_solid(a: Cores, b: Cores) -> tuple[Array, Array]:
+    """The point of the 12 edges of boxes a that is nearest to boxes or cylinders b, and that of b."""
+    round_ = b.group[0] == CYLINDERS
     turn = np.einsum("nki,nkj->nij", b.axes, a.axes)
     middle = b.local(a.centre)[:, None] + np.einsum("nij,enj->nei", turn, _EDGES[:, None] * a.half)
     run = np.einsum("nij,enj->nei", turn, _RUNS[:, None] * a.half)
-    half = np.repeat(b.half[:, None], 12, axis=1)
-    s = _box_share(middle.reshape(-1, 3), run.reshape(-1, 3), half.reshape(-1, 3)).reshape(-1, 12)
+    half = np.repeat(b.half[:, None], 12, axis=1).reshape(-1, 3)
+    s = (_cylinder_share if round_ else _box_share)(middle.reshape(-1, 3), run.reshape(-1, 3), half).reshape(-1, 12)
     x = middle + s[..., None] * run
-    off = x - np.clip(x, -half, half)
-    best, each = np.argmin((off**2).sum(axis=2), axis=1), np.arange(len(s))
+    on_b = projected(x.reshape(-1, 3), half, np.full(len(half), round_)).reshape(x.shape)
+    best, each = np.argmin(((x - on_b) ** 2).sum(axis=2), axis=1), np.arange(len(s))
     local = (_EDGES[best] + s[each, best][:, None] * _RUNS[best]) * a.half
-    return a.world(local), b.world(np.clip(x[each, best], -b.half, b.half))
+    return a.world(local), b.world(on_b[each, best])
 
 
 def _by_coal(a: Cores, b: Cores) -> tuple[Array, Array]:
@@ -197,19 +218,24 @@ def coal_distance(a: Cores, b: Cores, k: int, request: Any) -> tuple[float, Any]
 def _half_space(a: Cores, b: Cores) -> tuple[Array, Array]:
     """The deepest point of a, and its foot on the face of b."""
     normal = b.axis
-    along = a.turned_in(normal)
-    local = -np.sign(along) * a.half
-    round_ = a.group == CYLINDERS
+    x = a.world(_furthest(a, -normal))
+    return x, x - dot(x - b.centre, normal)[:, None] * normal
+
+
+def _furthest(cores: Cores, direction: Array) -> Array:
+    """The furthest points along directions ``(N, 3)``, in the cores' own axes; the middle of those as far."""
+    along = cores.turned_in(direction)
+    local = np.sign(along) * cores.half
+    round_ = cores.group == CYLINDERS
     size = np.hypot(along[:, 0], along[:, 1])
     with np.errstate(divide="ignore", invalid="ignore"):
-        rim = np.where(size[:, None] > 0.0, -along[:, :2] / size[:, None] * a.half[:, :1], 0.0)
+        rim = np.where(size[:, None] > 0.0, along[:, :2] / size[:, None] * cores.half[:, :1], 0.0)
     local[round_, :2] = rim[round_]
-    x = a.world(local)
-    return x, x - dot(x - b.centre, normal)[:, None] * normal
+    return local
 
 
 _NEAREST = {
     (SEGMENTS, SEGMENTS): _segment_segment, (SEGMENTS, CYLINDERS): _segment_cylinder, (SEGMENTS, BOXES): _segment_box,
-    (CYLINDERS, CYLINDERS): _by_coal, (CYLINDERS, BOXES): _by_coal, (BOXES, BOXES): _box_box,
+    (CYLINDERS, CYLINDERS): _by_coal, (CYLINDERS, BOXES): _cylinder_box, (BOXES, BOXES): _box_box,
     **{(group, HALF_SPACES): _half_space for group in range(4)},
 }  # fmt: skip
