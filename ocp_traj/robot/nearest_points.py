@@ -21,8 +21,10 @@ from ocp_traj.arrays import Array
 from ocp_traj.robot.cores import BOXES, CYLINDERS, HALF_SPACES, SEGMENTS, Cores, dot, projected
 
 BISECTIONS = 52  # of a segment: down to rounding
-POLISHING = 20  # projections back and forth, of what coal finds to its tolerance
-TOLERANCE = 1e-10  # of coal's iteration
+POLISHING = 8  # rounds of projections back and forth, of what coal finds to its tolerance
+STEADY = 1.0 - 1e-6  # the greatest ratio of two steps from which the steps to come are summed: our choice
+FINE, COARSE = 1e-10, 1e-6  # tolerances of coal's iteration; the second is its own
+DOUBTFUL = 1e-9  # [m] gap between points and direction from which another tolerance is tried: our choice
 LEVEL = 1e-15  # of lengths: distances that differ by less count as equal, by what floats round
 PERPENDICULAR = 1e-14  # of the product of sizes: a slope below is none, by what floats round
 
@@ -189,19 +191,49 @@ def _edges_solid(a: Cores, b: Cores) -> tuple[Array, Array]:
     return a.world(local), b.world(on_b[each, best])
 
 
-def _by_coal(a: Cores, b: Cores) -> tuple[Array, Array]:
-    x, y = np.empty((2, len(a.centre), 3))
-    request = coal.DistanceRequest()
-    request.gjk_tolerance = request.epa_tolerance = TOLERANCE
-    for k in range(len(x)):
-        result = coal_distance(a, b, k, request)[1]
-        x[k], y[k] = result.getNearestPoint1(), result.getNearestPoint2()
-    x, y = np.where(np.isfinite(x), x, a.centre), np.where(np.isfinite(y), y, b.centre)
+def _cylinder_cylinder(a: Cores, b: Cores) -> tuple[Array, Array]:
+    """Of ``coal``'s points at two tolerances the better: at the finer it misses some pairs that overlap."""
+    x, y = _polished(a, b, _by_coal(a, b, FINE))
+    apart = np.linalg.norm(x - y, axis=1)
+    doubtful = np.flatnonzero((apart > 0.0) & (_gap(a, b, x, y) > DOUBTFUL))
+    if len(doubtful):
+        one, two = a.take(doubtful), b.take(doubtful)
+        v, u = _polished(one, two, _by_coal(one, two, COARSE))
+        better = (np.linalg.norm(v - u, axis=1) < apart[doubtful])[:, None]
+        x[doubtful], y[doubtful] = np.where(better, v, x[doubtful]), np.where(better, u, y[doubtful])
+    return x, y
+
+
+def _gap(a: Cores, b: Cores, x: Array, y: Array) -> Array:
+    """By how much the distance of points exceeds that of the cores at most ``(N,)`` [m]."""
+    apart = x - y
+    between = dot(b.turned_out(_furthest(b, apart)) - a.turned_out(_furthest(a, -apart)) + b.centre - a.centre, apart)
+    size = np.linalg.norm(apart, axis=1)
+    return np.asarray(size + between / np.where(size > 0.0, size, 1.0))
+
+
+def _polished(a: Cores, b: Cores, x: Array) -> tuple[Array, Array]:
+    """Nearest points from one near by, projected back and forth; what that leaves shrinks by a steady ratio."""
     x = a.project(x)
     for _ in range(POLISHING):
-        y = b.project(x)
-        x = a.project(y)
-    return x, y
+        first = a.project(b.project(x))
+        second = a.project(b.project(first))
+        before, after = first - x, second - first
+        size = dot(before, before)
+        ratio = np.clip(dot(after, before) / np.where(size > 0.0, size, 1.0), 0.0, STEADY)
+        further = a.project(second + (ratio / (1.0 - ratio))[:, None] * after)
+        lengths = [np.linalg.norm(points - b.project(points), axis=1) for points in (further, second)]
+        x = np.where((lengths[0] < lengths[1])[:, None], further, second)
+    return x, b.project(x)
+
+
+def _by_coal(a: Cores, b: Cores, tolerance: float) -> Array:
+    """Points of a that ``coal`` finds nearest to b ``(N, 3)``."""
+    request = coal.DistanceRequest()
+    request.gjk_tolerance = request.epa_tolerance = tolerance
+    points = [coal_distance(a, b, k, request)[1].getNearestPoint1() for k in range(len(a.centre))]
+    x = np.array(points).reshape(-1, 3)
+    return np.where(np.isfinite(x), x, a.centre)
 
 
 def coal_distance(a: Cores, b: Cores, k: int, request: Any) -> tuple[float, Any]:
@@ -236,6 +268,6 @@ def _furthest(cores: Cores, direction: Array) -> Array:
 
 _NEAREST = {
     (SEGMENTS, SEGMENTS): _segment_segment, (SEGMENTS, CYLINDERS): _segment_cylinder, (SEGMENTS, BOXES): _segment_box,
-    (CYLINDERS, CYLINDERS): _by_coal, (CYLINDERS, BOXES): _cylinder_box, (BOXES, BOXES): _box_box,
+    (CYLINDERS, CYLINDERS): _cylinder_cylinder, (CYLINDERS, BOXES): _cylinder_box, (BOXES, BOXES): _box_box,
     **{(group, HALF_SPACES): _half_space for group in range(4)},
 }  # fmt: skip
