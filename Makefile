@@ -16,7 +16,7 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias coverage lint clean
+.PHONY: help front test test-slow kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias bench-scenes coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
@@ -33,6 +33,8 @@ help:
 	@echo "make bench-toppra random paths of a UR5 beside TOPP-RA: durations, proofs, excess, seconds; ten minutes"
 	@echo "make bench-clearance a proof of clearances beside coal at 10 000 instants; some 10 s"
 	@echo "make bench-vias what 10, 100 and 1000 via points cost; minutes"
+	@echo "make bench-scenes SCENES=FOLDER problems of MotionBenchMaker in clutter beside OMPL and TOPP-RA; hours, and goes on"
+	@echo "                where it was stopped"
 	@echo "make lint       ruff, and mypy on the installed package"
 	@echo "make clean      remove $(VENV), builds and caches; runs/ stays"
 
@@ -83,6 +85,14 @@ bench-clearance: $(VENV)/.installed-dev
 
 bench-vias: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.via_points
+
+bench-scenes: $(VENV)/.installed-dev
+ifeq ($(SCENES),)
+	@echo "bench-scenes is left out: give SCENES=FOLDER, which the head of benchmarks/scenes.py describes"
+else
+	$(INSTALL) --editable ".[bench,plan]"
+	$(BIN)/python -m benchmarks.scenes $(SCENES) $(OPTIONS)
+endif
 
 # mypy reads the package as a user gets it. `build/` would bring back modules deleted since the last build.
 lint: $(VENV)/.installed-dev

@@ -23,7 +23,7 @@ from ocp_traj.formulation.global_cubic import global_cubic
 from ocp_traj.formulation.knot_states import SOLVER_OPTIONS, knot_states
 from ocp_traj.formulation.knots import NEAR
 from ocp_traj.formulation.levels import levels_of, usual_levels
-from ocp_traj.formulation.move_path import retimed_path, retimed_pieces
+from ocp_traj.formulation.move_path import RETIMED_FACTOR, retimed_path, retimed_pieces
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.formulation.problem import Problem
@@ -42,8 +42,9 @@ from ocp_traj.formulation.task import Task
 from ocp_traj.formulation.task_collision import Clear, with_clearance
 from ocp_traj.formulation.task_file import changed, read_task, task_of, told
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
-from ocp_traj.formulation.task_payload import carried
+from ocp_traj.formulation.task_payload import carried, payload_notes
 from ocp_traj.formulation.task_resolution import resolve
+from ocp_traj.formulation.task_starts import with_start
 from ocp_traj.formulation.tool_limits import enough_pieces, tool_limits, tool_speed_limit, tool_tuning
 from ocp_traj.formulation.tool_words import tool_figures, tool_notes
 from ocp_traj.formulation.tuning import Tuning
@@ -94,9 +95,12 @@ def _problem(task: Task) -> Problem:
         return _posed(task, robot, route, clear, global_cubic(route.points, robot.limits))
     if kind == "retime":
         path = retimed_path(task, route, robot.joints, robot.limits)
-        pieces = retimed_pieces(task, path.curve.segments)
-        made = retiming(path, robot.limits, pieces=pieces, rest=rest, units=robot.units)
-        return _posed(task, robot, route, clear, made)
+        return levels_of(
+            lambda count: retiming(path, robot.limits, pieces=count, rest=rest, units=robot.units),
+            lambda _, made: _posed(task, robot, route, clear, made),
+            retimed_pieces(task, path, robot.limits),
+            factor=RETIMED_FACTOR,
+        )
     degree = DEGREES.get(kind) or (5 if robot.limits.bounds("snap") is None else 7)
     stretches = [
         s for at, move in route.tool_moves for s in stretches_of(at, move, robot.limits, task.limits.tool_speed)
@@ -173,13 +177,16 @@ def _posed(task: Task, robot: Robot, route: Route, clear: Clear | None, made: Pa
         variables_of=lambda motion: variables_of(made, motion.curve), reference_point=worst,
         about=About(
             title=task.name, curve_kind=f"{task.curve.kind}, {len(made.legs)} legs",
-            notes=tool_notes(route, sum(len(v.labels) for v in made.variables), len(made.legs[0])),
+            notes=(
+                *payload_notes(task), *tool_notes(route, sum(len(v.labels) for v in made.variables), len(made.legs[0])),
+            ),
             figures=tool_figures(robot.size, limits),
         ),
         tuning=tool_tuning(tuning, route, limits),
     )  # fmt: skip
     if clear is not None:
         problem = with_clearance(problem, clear, made, exact_points(route), bent=not route.tool_moves)
+    problem = with_start(problem, task, made, route.points, problem.requirements.clearance_constraints)
     if task.free_payload:
         bounds = {**problem.reference_point, PAYLOAD: 0.0}
         problem = replace(standard.free_payload(problem, HEAVIEST, LIKELY), reference_point=bounds)

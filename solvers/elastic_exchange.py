@@ -17,8 +17,11 @@ MOST, SAME = 8, 1e-4  # rounds, and the relative change of amounts that ends the
 def amounts_to_give(problem: Problem, scalarisation: Scalarisation, solution: Solution) -> tuple[Conflict, ...]:
     """The limits in conflict at the least-violating trajectory found from a locally infeasible solution.
 
-    Peaks above a bound become instants of the elastic problem until the amounts no longer change: with so much more the
-    trajectory would meet every limit, up to what a scan sees. Another one, farther away, may need less.
+    Peaks above a bound become instants of the elastic problem until the amounts change by less than ``SAME``, or for
+    ``MOST`` rounds. With so much more the trajectory would meet every limit at the instants of the last round, to the
+    solver's tolerance. Between them, where its peaks have moved since, it may need more: to first order in that move
+    nothing, for a peak is flat. So limits raised by just these amounts may still not hold together. Nothing of this is
+    proved, and another trajectory, farther away, may need less.
 
     Args:
         problem: whose limits.

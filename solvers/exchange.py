@@ -31,6 +31,7 @@ from ocp_traj.results.time_scaling import largest_excess, slow_down
 from ocp_traj.results.trajectory import audit_points, trajectory_of
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.protocols import NLPSolver
+from ocp_traj.solvers.way_back import WayBack
 from ocp_traj.transcription.finite import not_finite
 from ocp_traj.transcription.instants import Instant, along, few_instants, frozen, where
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
@@ -48,6 +49,7 @@ STALLED, NEGLIGIBLE = (
     1e-6,
 )  # a round that gains less than this factor on an excess this small: back off; our choice
 WARM_ITERATIONS = 40  # a warm start that needs more is none: from a cold one some 25 are enough
+STUCK = 0.9  # times the excess of the round before: where hardly less is left, the next may begin elsewhere; our choice
 GAINS = 2.0  # a round that reduces the excess by less than this gains too little; our choice
 ABOUT = 1e-2  # of a limit's scale: a start's peak this close to its bound is where a neighbour's instant moves: ours
 NEAR = 0.15  # of a segment: a new peak this close to a moving instant replaces it
@@ -149,7 +151,7 @@ class Exchange:
             peaks, _ = worst_instants(problem, x, self.back_off, ABOUT)
             instants, renamed = _merge(instants, peaks, x, problem, keep=False, add=False)
             warm = _inheriting(warm, renamed)
-        most = self.exchanges(problem)
+        most, way_back = self.exchanges(problem), WayBack(problem, x)
         for number in range(1, most + 1):
             known = opened if number == 1 else None
             nlp = transcribe(problem, scalarisation, instants, back_off) if known is None else known[0]
@@ -190,11 +192,14 @@ class Exchange:
                 return _tightened(problem, scalarisation, solution) if self.prove else solution
             if before / STALLED < excess < NEGLIGIBLE:
                 back_off += 2.0 * excess  # flat peaks wander for ever: stay clear of the limit by what they wander
-            instants = updated or instants
-            if number == 1 and self.first is None and problem.tuning.instants is None:
+            instants, back = updated or instants, way_back.after(x, stalled=excess > STUCK * before)
+            if number == 1 and back is None and self.first is None and problem.tuning.instants is None:
                 instants = _near(instants, problem, solution)
-            instants, renamed = _merge(instants, peaks, x, problem, keep=excess > before / GAINS)
+            keep = back is not None or excess > before / GAINS
+            instants, renamed = _merge(instants, peaks, x, problem, keep=keep)
             warm = _inheriting(solution, renamed)
+            if back is not None:
+                instants, x, warm = [frozen(instant, x) for instant in instants], back, None
         if last is not None and last.audit is None:
             last = _finished(problem, scalarisation, last, x, begun)
         if proved:

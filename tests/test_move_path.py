@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from ocp_traj.formulation.move_path import retimed_path
 from ocp_traj.formulation.route import route_of
 from ocp_traj.paths.joint_path import JointPath
 from ocp_traj.paths.path_file import load_path
+from ocp_traj.results.starts import levels_to
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "tasks"
 TEXT = (EXAMPLES / "ur5-retime.toml").read_text().replace('"retime"', '"retime"\npieces = 1')
@@ -162,3 +164,35 @@ def test_geometry_has_to_pass_the_points(tmp_path: Path) -> None:
     fields["move"][0]["via"][1][0] += 0.1
     with pytest.raises(InputError, match="geometry does not pass the points of via"):
         ot.problems.load("task", **fields)
+
+
+def test_a_path_with_limits_up_to_snap_is_solved_by_levels_of_four_times_the_pieces(tmp_path: Path) -> None:
+    rows = (EXAMPLES / "ur5-path.csv").read_text().splitlines()
+    (tmp_path / "three.csv").write_text("\n".join(rows[:4]) + "\n")
+    given = ('"retime"\npieces = 1', '"retime"'), ("jerk = 60.0", "jerk = 60.0\nsnap = 1500.0")
+    problem = task(tmp_path, "three.csv", *given)
+    assert path_of(problem).continuity >= 3
+    found = ot.solve(problem)
+    assert found.audit is not None and found.audit.proved and "snap-limit" in {row.limit for row in found.audit.rows}
+    coarse, fine = levels_to(problem)
+    assert [len(p.variables[0].labels) for p in (coarse, fine)] == [2, 8]
+    alone = ot.solve(coarse)
+    assert found.f < 0.99 * alone.f and f"by levels: {alone.f:.6g} of" in found.detail
+
+
+@pytest.mark.slow
+def test_limits_up_to_snap_are_proved_along_the_path_of_the_example() -> None:
+    problem = ot.problems.load("task", file=str(EXAMPLES / "ur5-retime.toml"), **{"limits.snap": 1500.0})
+    found = ot.solve(problem)
+    assert found.audit is not None and found.audit.proved
+    assert 2.57 < found.f < 3.495  # 3.4793 s with twice the pieces; 2.57 s without a limit on snap
+
+
+@pytest.mark.parametrize("pieces, factors", [(16, [4, 4]), (8, [2, 4]), (6, [2, 3]), (7, [7])])
+def test_levels_have_at_most_four_times_the_pieces_of_the_coarser(
+    tmp_path: Path, pieces: int, factors: list[int]
+) -> None:
+    (tmp_path / "two.csv").write_text("\n".join((EXAMPLES / "ur5-path.csv").read_text().splitlines()[:3]))
+    problem = task(tmp_path, "two.csv", ('"retime"\npieces = 1', f'"retime"\npieces = {pieces}'))
+    counts = [len(level.variables[0].labels) for level in levels_to(problem)]
+    assert [fine / coarse for coarse, fine in pairwise(counts)] == factors

@@ -14,7 +14,9 @@ from ocp_traj.errors import InputError
 from ocp_traj.evolution.population import Population
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import WeightedSum
+from ocp_traj.io.export import export
 from ocp_traj.proof.values import limit_on
+from ocp_traj.results.trajectory import trajectory_of
 from ocp_traj.robot.robot import Robot
 from ocp_traj.transcription.instants import few_instants
 from ocp_traj.transcription.symbolic import evaluate_objectives, motion_of
@@ -106,6 +108,38 @@ def test_it_is_solved_proved_and_proved_again_from_its_file(problem: Problem, tm
     assert heavier.audit is not None and heavier.audit.proved and heavier.f > solution.f + 1e-3  # [s]
     (gain,) = (g for g in heavier.gains if (g.limit, g.label) == ("effort-limit", "shoulder_lift_joint"))
     assert gain.gain > 0.0
+
+
+@pytest.mark.parametrize("rate", [None, 40.0])
+def test_exported_efforts_are_with_what_each_move_carries(problem: Problem, tmp_path: Path, rate: float | None) -> None:
+    x = problem.dilate(problem.guess(np.random.default_rng(2)), 1.5)  # far from its limits
+    motion = trajectory_of(problem, x)
+    points = json.loads(export(motion, "ros", tmp_path / "t.json", effort=True, rate=rate).path.read_text())["points"]
+    robot, knots = problem.robot, motion.curve.knots
+    times = np.array([p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in points])
+    assert len(times) == (len(knots) if rate is None else round(motion.duration * 40.0) + 1)
+    for point, t in zip(points, times, strict=True):
+        segment = min(int(np.searchsorted(knots, t + 1e-7, side="right")) - 1, len(LEGS) - 1)
+        held = LEGS[segment] == HELD["mass"]
+        body = pin.Inertia(LEGS[segment], np.array(HELD["com"]) * held, np.diag(HELD["inertia"]) * held)
+        model = robot.model.copy()
+        model.appendBodyToJoint(robot.tool_joint or model.njoints - 1, body, robot.tool)
+        state = (np.array(point[name]) for name in ("positions", "velocities", "accelerations"))
+        expected = pin.rnea(model, model.createData(), *state)
+        assert np.abs(np.array(point["effort"]) - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
+def test_it_is_shown_what_each_move_carries_where_that_differs(problem: Problem) -> None:
+    place = "centred at (0, 0, 0) m in the tool frame"
+    assert problem.about.notes == (
+        f"move 1 carries 0.5 kg, the robot's payload, {place}",
+        "move 2 carries 3 kg, centred at (0, 0.02, 0.06) m in the tool frame, inertia (0.01, 0.02, 0.03) kg m2",
+        f"move 3 carries 0.5 kg, the robot's payload, {place}",
+    )
+    assert _task(move=_moves(payload={"mass": 0.0})).about.notes[1] == "move 2 carries nothing"
+    freed = _task(free_payload=True).about.notes[0]
+    assert freed == f"move 1 carries a mass that is freed, {place}"
+    assert _task(move=_moves(payload=None)).about.notes == () == _task(move=_moves(payload={"mass": 0.5})).about.notes
 
 
 def test_payloads_of_one_place_or_of_moves_alone(tmp_path: Path) -> None:

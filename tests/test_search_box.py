@@ -45,7 +45,11 @@ def test_populations_solve_what_is_not_limited(unlimited: Problem, method: str) 
 
 @pytest.mark.parametrize(
     ("method", "options"),
-    [("nsga2", {"generations": 5}), ("mopso", {"generations": 5})],
+    [
+        ("nsga2", {"generations": 5}),
+        ("mopso", {"generations": 5}),
+        pytest.param("hmoga", {"generations": 5, "points": 3}, marks=pytest.mark.slow),
+    ],
 )
 def test_fronts_of_populations_of_what_is_not_limited_are_proved(
     unlimited: Problem, method: str, options: dict[str, int]

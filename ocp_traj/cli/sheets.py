@@ -19,9 +19,11 @@ from ocp_traj.cli.solution_tables import (
 from ocp_traj.display import count
 
 if TYPE_CHECKING:  # a list of problems needs none of them
+    from ocp_traj.arrays import Array
     from ocp_traj.formulation.problem import Problem
     from ocp_traj.formulation.summary import Summary
     from ocp_traj.io.export.exported import Exported
+    from ocp_traj.io.import_scene import Imported
     from ocp_traj.proof.verdicts import Audit, AuditRow
     from ocp_traj.reproductions.reproduce import Reproduction
     from ocp_traj.results.front import Front, Hypervolume
@@ -317,6 +319,25 @@ def export_sheet(found: Exported) -> Sheet:
     rows = [[name, f"{value:.9g}" if isinstance(value, float) else value] for name, value in found.about.items()]
     title = f"{found.format}: {found.verdict} as it will be played"
     return Sheet(data, [(title, ["of the motion", "value"], rows)] if rows else [])
+
+
+def plan_sheet(path: Array, joints: Sequence[str], target: Path) -> Sheet:
+    """A planned path."""
+    data = {"written": str(target), "joints": list(joints), "points": path.tolist()}
+    rows: list[list[float]] = path.round(4).tolist()
+    return Sheet(data, [(f"{target.name}: {len(path)} points", list(joints), rows)])
+
+
+def import_sheet(found: Imported, target: Path) -> Sheet:
+    """What a task was made of."""
+    data = {"written": str(target), **asdict(found)}
+    del data["text"]
+    rows: list[list[Any]] = [
+        ["bodies in the world", found.bodies],
+        ["bodies held", found.held],
+        ["joints locked", ", ".join(found.locked) or "none"],
+    ]
+    return Sheet(data, [(target.name, ["imported", ""], rows)])
 
 
 def reproduction_sheet(found: Reproduction) -> Sheet:

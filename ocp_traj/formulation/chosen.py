@@ -33,6 +33,7 @@ class ChosenLimit(PathConstraint):
             below, quickly.
         number: n_c.
         size: what a row is divided by in the NLP.
+        within: of its size, how far above its bound a row is at a start that the first grid has.
         proved_as: label of the row of the requirements that each row belongs to.
         kernels: what was compiled of the expressions, for all problems that have the limit.
     """
@@ -43,6 +44,7 @@ class ChosenLimit(PathConstraint):
     at_least: Callable[[Array, Array], Array] | None = None
     number: int = 0
     size: float = 1.0
+    within: float = 1.0
     proved_as: tuple[str, ...] = ()
     kernels: dict[Hashable, Any] = field(default_factory=dict, repr=False, init=False)
 
@@ -78,7 +80,8 @@ class ChosenLimit(PathConstraint):
         assert self.at_least is not None and self.value is not None
         at, rows = np.nonzero(self.at_least(q, p) - self.lower < within)
         found = np.full((len(q), len(self.labels)), np.inf)
-        found[at, rows] = self.value(q[at], rows, p[at]) - self.lower[rows]
+        if len(at):
+            found[at, rows] = self.value(q[at], rows, p[at]) - self.lower[rows]
         return found
 
 

@@ -12,6 +12,10 @@ from ocp_traj.formulation.clearance import SIZE, ClearanceConstraint
 from ocp_traj.formulation.requirements import Expression, State
 from ocp_traj.robot.pair_distances import CONSTANTS, PairDistances
 
+# Of the size: how near pairs are at a start that the first grid has. Many of a robot's own are near each other at every
+# posture and seldom get nearer; obstacles may be gone through between two instants. Our choice.
+WITHIN, WITHIN_OWN = 1.0, 0.3
+
 
 def clearance_rows(constraint: ClearanceConstraint, parameters: tuple[str, ...]) -> ChosenLimit:
     """The rows of a constraint on distances, as functions of the state, made once.
@@ -57,6 +61,7 @@ def _made(constraint: ClearanceConstraint, parameters: tuple[str, ...]) -> Chose
         np.full(count, np.inf), ("m",) * count, names, constraint.eq,
         expressions=tuple(made[distance] for distance in distances.expressions), choose=distances.constants,
         value=value, at_least=at_least, number=CONSTANTS, size=SIZE, proved_as=proved_as,
+        within=WITHIN if constraint.parameter else WITHIN_OWN,  # the distance to obstacles is a parameter
     )  # fmt: skip
 
 

@@ -123,6 +123,7 @@ def knot_states(
         hull_rows=tuple(range(5)) if pieces > 1 else (),
         scales_in_time=False,
         duration=knots.duration,
+        guess_along=knots.guess,
     )
 
 

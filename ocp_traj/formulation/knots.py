@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -16,6 +16,7 @@ from ocp_traj.arrays import Array, Index
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.families import hermite
 from ocp_traj.curves.least_time import least_time, time_law
+from ocp_traj.curves.rounded import Rounded
 from ocp_traj.errors import ProblemDefinitionError
 from ocp_traj.formulation.problem import Variable
 from ocp_traj.formulation.requirements import ORDERS
@@ -41,6 +42,10 @@ def least_times(points: Array, limits: JointLimits) -> Array:
     found = least_time(steps, reach).max(axis=1)
     found = np.where(found > 0.0, found, steps.max(axis=1))
     return np.asarray(np.maximum(found, 0.1 * (found.max() or 1.0)))
+
+
+# (first and last via point from one stop to the next, generator) -> a motion between them, or None where none is known.
+Ways = Callable[[int, int, np.random.Generator], Rounded | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,11 +274,11 @@ class Knots:
         slower[variable] /= factor ** order.astype(float)
         return slower
 
-    def guess(self, rng: np.random.Generator) -> Array:
+    def guess(self, rng: np.random.Generator, ways: Ways | None = None) -> Array:
         """A start within the bounds, a little slower than a shortest motion with stops.
 
         From stop to stop it is a cubic spline through the via points between; where there are none, straight; along
-        stretches as they are.
+        stretches as they are. Where ``ways`` know a motion it is that in its place.
         """
         durations, states = self.waits.copy(), self.places[1].copy()
         given = {stretch.first: stretch for stretch in self.stretches}
@@ -290,6 +295,9 @@ class Knots:
                 self._straight(begin, float(slower[0]), durations, states)
             else:
                 self._smooth(begin, self.least[begin:end] * slower, durations, states)
+            motion = None if ways is None else ways(begin, end, rng)
+            if motion is not None:
+                self._follow(begin, motion, durations, states)
         lower, upper = (np.concatenate([getattr(v, side) for v in self.variables]) for side in ("lower", "upper"))
         return np.clip(self.packed(durations, states), lower, upper)
 
@@ -323,6 +331,14 @@ class Knots:
         states[[first, last], 0] = self.points[[stretch.first, stretch.first + len(legs)]]
         for order in range(3):
             states[first + 1 : last, order] = found[order, 1:] / slower**order
+
+    def _follow(self, i: int, motion: Rounded, durations: Array, states: Array) -> None:
+        """Puts legs from leg i on along a motion, into durations and states."""
+        times = np.diff(motion.passed)
+        first, last = self.legs[i].start, self.legs[i + len(times) - 1].stop
+        durations[first:last] = np.repeat(times / self.pieces, self.pieces)
+        inner = np.append(0.0, np.cumsum(durations[first:last]))[1:-1]
+        states[first + 1 : last, :3] = motion.at(inner)
 
     def law(self, leg: int) -> tuple[Array, Array]:
         """Durations ``(pieces,)`` [s] of a leg's pieces, and (s, s', s'') at their ends ``(pieces + 1, 3)``.

@@ -40,6 +40,7 @@ def levels_of(
     finest: int | None = None,
     gain: float = GAIN,
     coarsest: int = 1,
+    factor: int = 2,
 ) -> Problem:
     """The problem with so many pieces a leg, solved by levels: each has some whole number of times the coarser's.
 
@@ -52,10 +53,12 @@ def levels_of(
         finest: refinement goes on by halves from ``pieces`` up to at most so many; None for a problem that stays.
         gain: of ``Levels``.
         coarsest: number of pieces below which no level is, where there is no ``finest``.
+        factor: each level has at most so many times the coarser's pieces, or the least number that goes, where there is
+            no ``finest``.
     """
     sizes = [pieces]
     while finest is None and sizes[0] > 1:
-        fewer = sizes[0] // next(factor for factor in range(2, sizes[0] + 1) if sizes[0] % factor == 0)
+        fewer = sizes[0] // next(n for n in (*range(factor, 1, -1), *range(2, sizes[0] + 1)) if sizes[0] % n == 0)
         if fewer < coarsest:
             break
         sizes.insert(0, fewer)

@@ -33,6 +33,7 @@ class Parametrisation:
         limits: that the curve needs to be what it says, beside those of the problem.
         refine: (x with pieces that are some whole number of these long, that number) -> x of the same motion; None
             where the curve's pieces cut evenly give it.
+        guess_along: (generator, ways) -> starting point that follows ways which are known; see ``Knots.guess``.
     """
 
     variables: tuple[Variable, ...]
@@ -48,3 +49,4 @@ class Parametrisation:
     duration: Callable[[Any], Any]
     limits: tuple[PathConstraint, ...] = ()
     refine: Callable[[Array, int], Array] | None = None
+    guess_along: Callable[..., Array] | None = None

@@ -29,6 +29,7 @@ from ocp_traj.formulation.task_values import (
     Range,
     Row,
     Rows,
+    Start,
     Table,
     Three,
     Truth,
@@ -343,6 +344,9 @@ class SolveTable(Table):
     """``[solve]``: how hard to look."""
 
     starts: Whole = Field(1, ge=1, le=10_000, description="a whole number from 1 up")
+    start: Start = Field(
+        "auto", description='"auto", "straight", "plan", "ompl", or the path of a CSV or ROS YAML file of points'
+    )
 
 
 class Units(Table):

@@ -30,7 +30,6 @@ RESERVE = (
     1e-4  # [m] by which a clearance is told short of what was found: what a controller makes of a motion is within
 )
 DENSE = 65  # samples a segment of a search for the least distance: our choice
-NEAR = 0.05  # [m] beyond the least bound found, within which distances are computed: our choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,13 +71,10 @@ class Clear:
         return tuple(distances_of(constraint) for constraint in self.constraints)
 
     def room(self, q: Array) -> Array:
-        """By how much the nearest bodies are farther apart than they have to be, at postures ``(N, dof)``: ``(N,)``.
-
-        Of what is far no more than a bound.
-        """
+        """By how much the nearest bodies are farther apart than they have to be, at postures ``(N, dof)``: ``(N,)``."""
         least = np.full(len(q), np.inf)
         for constraint, distances in zip(self.constraints, self.distances, strict=True):
-            least = np.minimum(least, least_distances(distances, q) - constraint.clearance)
+            least = np.minimum(least, distances.least(q) - constraint.clearance)
         return least
 
     def require_clear(self, points: Sequence[tuple[str, Array]]) -> None:
@@ -104,20 +100,12 @@ class Clear:
     def most(self, points: Sequence[Array]) -> float:
         """The clearance of obstacles that no motion through points exceeds [m]."""
         (distances,) = (d for c, d in zip(self.constraints, self.distances, strict=True) if c.id == OBSTACLES)
-        return float(least_distances(distances, np.array(points)).min())
+        return float(distances.least(np.array(points)).min())
 
     @property
     def keeps_off_obstacles(self) -> bool:
         """Whether there are obstacles."""
         return any(constraint.id == OBSTACLES for constraint in self.constraints)
-
-
-def least_distances(distances: PairDistances, q: Array) -> Array:
-    """The least distance of all pairs at postures ``(N, dof)``: ``(N,)`` [m], exact where it is not far."""
-    bound = distances.at_least(q)
-    at, rows = np.nonzero(bound < np.maximum(bound.min(axis=1), 0.0)[:, None] + NEAR)
-    bound[at, rows] = distances.distances(q[at], rows)
-    return np.asarray(bound.min(axis=1))
 
 
 def with_clearance(
@@ -181,10 +169,10 @@ def _along(clear: Clear, curve: Any) -> float:
         curve.knots[k] + np.linspace(0.0, 1.0, DENSE) * curve.durations[k] for k in range(curve.segments)
     ])  # fmt: skip
     step = float(np.diff(times).max())
-    least = least_distances(distances, curve(times))
+    least = distances.least(curve(times))
     for _ in range(8):
         centres = times[np.argsort(least)[:DENSE]]
         step /= 4.0
         times = np.clip(np.unique(centres[:, None] + step * np.arange(-4, 5)), 0.0, float(curve.duration))
-        least = least_distances(distances, curve(times))
+        least = distances.least(curve(times))
     return float(least.min())

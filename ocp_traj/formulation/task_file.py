@@ -37,8 +37,7 @@ def read_task(path: str | Path, changes: Mapping[str, Any] | None = None) -> Tas
         raise FileFormatError(_not_toml(cut(str(error), 200), name)) from error
     if (kind := data.get("format")) != FORMAT:
         raise FileFormatError(f'{name} is not a task file: its format is {quoted(kind)}; write format = "{FORMAT}"')
-    for place, value in (changes or {}).items():
-        _put(data, place, value)
+    put_all(data, changes or {})
     if "source" in data:
         raise FileFormatError(f"{name}{line_of(text, ('source',))}: source is not allowed here; leave it out")
     data.setdefault("name", Path(path).stem)
@@ -76,6 +75,12 @@ def task_of(data: Any, name: str = "the task", text: str = "") -> Task:
         raise FileFormatError(complaint(error.__cause__, Task, data, name, text)) from error
     except RecursionError as error:
         raise FileFormatError(f"{name} is nested too deep") from error
+
+
+def put_all(data: dict[str, Any], changes: Mapping[str, Any]) -> None:
+    """Puts values at dotted places of a task's plain values; text is read as TOML, as of ``read_task``."""
+    for place, value in changes.items():
+        _put(data, place, value)
 
 
 def changed(task: Task, changes: Mapping[str, Any]) -> Task:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,10 +52,7 @@ def carried(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Ca
     no other; a dwell is with the payload of the move before it, and the next move begins with its own at rest, so that
     it may change hands at any moment between.
     """
-    own = task.robot.payload or NOTHING
-    if task.payload is not None:
-        own = own.model_copy(update={"mass": task.payload})
-    held = [own if move.payload is None else move.payload for move in task.move]
+    own, held = _held(task)
     if all(one == held[0] for one in held):
         com, inertia = held[0].com, held[0].inertia
         mass = held[0].mass if task.payload is None else task.payload
@@ -74,6 +72,37 @@ def carried(task: Task, robot: Robot, route: Route, made: Parametrisation) -> Ca
         max(one.mass for one in held),
         _table(task, route, made, held, uses_own),
     )
+
+
+def payload_notes(task: Task) -> tuple[str, ...]:
+    """A line on what each move carries, where that is not the same."""
+    _, held = _held(task)
+    if all(one == held[0] for one in held):
+        return ()
+    found = []
+    for number, (move, one) in enumerate(zip(task.move, held, strict=True), 1):
+        freed = move.payload is None and task.free_payload
+        mass = "a mass that is freed" if freed else f"{one.mass:.6g} kg" if one.mass else "nothing"
+        words = f"move {number} carries {mass}"
+        if one.mass and move.payload is None and not freed:
+            words += ", the robot's payload"
+        if one.mass or freed:
+            words += f", centred at {_row(one.com)} m in the tool frame"
+            words += "" if one.inertia is None else f", inertia {_row(one.inertia)} kg m2"
+        found.append(words)
+    return tuple(found)
+
+
+def _row(numbers: Sequence[float]) -> str:
+    return f"({', '.join(f'{number:.6g}' for number in numbers)})"
+
+
+def _held(task: Task) -> tuple[Held, list[Held]]:
+    """What the robot carries, and each move."""
+    own = task.robot.payload or NOTHING
+    if task.payload is not None:
+        own = own.model_copy(update={"mass": task.payload})
+    return own, [own if move.payload is None else move.payload for move in task.move]
 
 
 def _check_changes(task: Task, route: Route, held: list[Held]) -> None:

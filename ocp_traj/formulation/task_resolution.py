@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from ocp_traj.arrays import Array
 from ocp_traj.display import count
-from ocp_traj.errors import InputError
+from ocp_traj.errors import InputError, nearest, quoted
 from ocp_traj.formulation.collision_resolution import resolved_collision
 from ocp_traj.formulation.move_path import resolved_path
 from ocp_traj.formulation.task import (
@@ -39,6 +39,7 @@ from ocp_traj.robot.urdf import urdf_root, urdf_text
 
 ANGLES, LENGTHS = {"rad": 1.0, "deg": np.pi / 180.0}, {"m": 1.0, "mm": 1e-3}
 HELD = ("position", "velocity", "effort")  # what a description may hold
+STARTS = ("auto", "straight", "plan", "ompl")  # words of [solve] start
 ASKED = ("acceleration", "jerk")  # what none holds, and a motion needs: given, or waived
 
 
@@ -93,6 +94,14 @@ def resolve(task: Task, folder: Path) -> Task:
         urdf = _urdf(task.robot, folder)
         collision = resolved_collision(collision, task.name, robot, urdf, folder, angle, length)
     payload = _resolved_held(task.robot.payload, length)
+    start = task.solve.start
+    if isinstance(start, str) and Path(start).suffix:
+        start = resolved_path(start, folder, None, robot.joints, factor)[0].tolist()
+    elif isinstance(start, str) and start not in STARTS:
+        raise InputError(
+            f"{task.name}: [solve] start is {quoted(start)}{nearest(start, STARTS)}; give {', '.join(STARTS)}, or the "
+            "path of a .csv or .yaml file"
+        )
     waived = dict.fromkeys(QUANTITIES)
     if task.limits.tool_speed is not None:
         waived["tool_speed"] = task.limits.tool_speed * length
@@ -100,6 +109,7 @@ def resolve(task: Task, folder: Path) -> Task:
         "units": Units(), "robot": RobotTable(numbers=to_numbers(robot), payload=payload),
         "limits": task.limits.model_copy(update=waived), "move": moves,
         "collision": collision,
+        "solve": task.solve.model_copy(update={"start": start}),
         "source": task.source or Source(file="code", sha256=""),
     }  # fmt: skip
     return task.model_copy(update=changed)

@@ -160,6 +160,14 @@ def share_of(bound: Any) -> float | None:
     return _share(bound) if isinstance(bound, str) else None
 
 
+def _start(value: Any) -> Any:
+    """A word or the path of a file, or points, as a resolved task has them."""
+    value = _plain(value)
+    if isinstance(value, str) and value.strip():
+        return value.strip()
+    return _rows(value)
+
+
 def _different(value: list[str]) -> list[str]:
     if len(set(value)) < len(value):
         raise ValueError("one of them twice")
@@ -182,6 +190,7 @@ Mass = Annotated[float, BeforeValidator(_mass)]
 Row = Annotated[list[float], BeforeValidator(_row)]
 Rows = Annotated[list[list[float]], BeforeValidator(_rows)]
 Three = Annotated[list[float], BeforeValidator(_three)]
+Start = Annotated[Any, BeforeValidator(_start)]
 Inertia = Annotated[list[float], BeforeValidator(_inertia)]
 Truth = Annotated[bool, BeforeValidator(_true_or_false)]
 Each = Annotated[Any, BeforeValidator(_each)]

@@ -111,6 +111,8 @@ class TimeLaw:
         speed = self.limits.bounds(1)
         for order in range(1, self.rows):
             own = [k for k, m in self.free if m == order]
+            if not own:  # of one piece from rest to rest
+                continue
             high, limits = np.full(len(own), np.inf), tuple[tuple[str, str], ...]()
             if order == 1 and speed is not None:  # what a knot's velocities allow
                 slopes = np.abs([self.arcs.at(min(k, self.count - 1), float(k == self.count), 1)[0] for k in own])

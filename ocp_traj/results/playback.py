@@ -44,6 +44,7 @@ class Playback:
         ticks: times of the N points [ns], whole numbers, the first 0.
         states: q, v, a at the points, as many as the interpolation takes, ``(N, dof)`` each.
         played: the polynomials between the points.
+        source: the segment of the trajectory that each of them begins on, and where on it, in local time ``(N - 1,)``.
         factor: by which the trajectory was slowed.
         deviation: bound of the largest difference of a joint's position from the trajectory so slowed [rad or m].
         requirements: the limits, put to ``motion``; None where there are none.
@@ -55,6 +56,7 @@ class Playback:
     ticks: Index
     states: tuple[Array, ...]
     played: PiecewiseBezier
+    source: tuple[Index, Array]
     factor: float
     deviation: float
     requirements: Requirements | None
@@ -226,7 +228,8 @@ def at_rate(
         anywhere, somewhere = anywhere_and_somewhere(wanted)
         found, more = audit(_motion(trajectory, played), anywhere), audit(_motion(trajectory, cut), somewhere)
         found = replace(found, rows=(*found.rows, *more.rows), parameters={**found.parameters, **more.parameters})
-    return Playback(trajectory, interpolation, ticks, states, played, 1.0, deviation, wanted, found)
+    begins = curve.locate(times[:-1])
+    return Playback(trajectory, interpolation, ticks, states, played, begins, 1.0, deviation, wanted, found)
 
 
 def _motion(trajectory: Trajectory, curve: PiecewiseBezier) -> Motion:
@@ -297,8 +300,9 @@ def _slowed(trajectory: Trajectory, requirements: Requirements | None, interpola
         found = None if wanted is None else audit(_motion(trajectory, played), wanted)
         whole = np.concatenate([[0], np.cumsum(ticks)])
         return Playback(
-            trajectory, interpolation, whole, states, played, factor, _deviation(pieces, played), wanted, found
-        )
+            trajectory, interpolation, whole, states, played, (source, a), factor, _deviation(pieces, played), wanted,
+            found,
+        )  # fmt: skip
 
     first = attempt(1.0)
     if first.carried is None or not any(

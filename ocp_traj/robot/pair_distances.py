@@ -17,8 +17,9 @@ import numpy as np
 from ocp_traj.arrays import Array, Index
 from ocp_traj.mapped import Mapped
 from ocp_traj.robot.bodies import Body
-from ocp_traj.robot.cores import HALF_SPACES, Cores, group_of
+from ocp_traj.robot.cores import Cores, group_of
 from ocp_traj.robot.nearest_features import Nearest, nearest_features
+from ocp_traj.robot.pair_bounds import PairBounds
 from ocp_traj.robot.placements import placements_function
 from ocp_traj.robot.robot import Robot
 
@@ -52,7 +53,7 @@ class PairDistances:
         half = [np.array([b.half for b in own]).reshape(-1, 3) for own in bodies]
         self._half = [np.where(np.isfinite(own), own, 0.0) for own in half]
         self._group = [np.array([group_of(b) for b in own], dtype=np.intp) for own in bodies]
-        self._reach = [np.linalg.norm(own, axis=1) for own in self._half]  # of a ball about each core
+        self._bounds = PairBounds(self.pairs, self._carriers)
 
     def placements(self, q: Array) -> tuple[Array, Array]:
         """Rotations ``(N, joints, 3, 3)`` and places ``(N, joints, 3)`` of joints with bodies, at postures."""
@@ -60,18 +61,21 @@ class PairDistances:
         return found[:, :, :9].reshape(len(q), -1, 3, 3), found[:, :, 9:]
 
     def at_least(self, q: Array) -> Array:
-        """What the distances ``(N, pairs)`` are at least, by balls about the bodies; their own over a half-space."""
-        rotations, places = self.placements(q)
-        carriers = [np.searchsorted(self._carriers, self.joints[:, side]) for side in (0, 1)]
-        centres = [
-            np.einsum("npij,pj->npi", rotations[:, own], self._centre[side]) + places[:, own]
-            for side, own in enumerate(carriers)
-        ]
-        apart = centres[0] - centres[1]
-        normal = np.einsum("npij,pj->npi", rotations[:, carriers[1]], self._axes[1][:, :, 2])
-        over_plane = (apart * normal).sum(axis=2) - self._reach[0]
-        between = np.linalg.norm(apart, axis=2) - self._reach[0] - self._reach[1]
-        return np.asarray(np.where(self._group[1] == HALF_SPACES, over_plane, between) - self.radius)
+        """What the distances ``(N, pairs)`` are at least, quickly; see ``pair_bounds``."""
+        return self._bounds(*self.placements(q))
+
+    def least(self, q: Array) -> Array:
+        """The least distance of all pairs at postures ``(N, dof)``: ``(N,)`` [m]."""
+        placed = self.placements(q)
+        bound, every = self._bounds(*placed), np.arange(len(q))
+        first = bound.argmin(axis=1)
+        found = np.asarray(self.nearest(q, first, placed).distance - self.radius[first])
+        bound[every, first] = np.inf
+        at, rows = np.nonzero(bound < found[:, None])  # of the others, those that may be nearer still
+        if len(at):
+            others = self.nearest(q[at], rows, (placed[0][at], placed[1][at])).distance - self.radius[rows]
+            np.minimum.at(found, at, others)
+        return found
 
     def nearest(self, q: Array, rows: Index, placed: tuple[Array, Array] | None = None) -> Nearest:
         """What is nearest of the cores of pair ``rows[i]`` at posture ``q[i]``.

@@ -25,8 +25,7 @@ from ocp_traj.transcription.shape import ShapeAt, shape_of
 
 SCAN = 48  # samples a segment when looking for peaks: our choice, far denser than the degrees in use have peaks
 SCAN_CHOSEN = 17  # of limits whose constants are chosen, whose curves have many segments: our choice
-FIRST_CHOSEN = 4  # instants a segment of such limits in the first grid, its end left out: our choice
-FIRST_WITHIN = 3.0  # of its size: rows of it that are no farther above their bounds at the start; our choice
+FIRST_CHOSEN = 7  # instants a segment of such limits in the first grid, its end left out: our choice
 NEARBY = 1.0  # of its size: a row of such a limit that is farther above its bound is not looked at; our choice
 FINE = 33  # samples about a sample that stands out, from one neighbour to the other: our choice
 NEWTON, NEWTON_SWEPT = 4, 8  # steps: our choice
@@ -242,13 +241,23 @@ def near_values(limit: ChosenLimit, shape: ShapeAt, segments: Index, u: Array, w
     return found.reshape(len(segments), len(u), -1).swapaxes(1, 2)
 
 
+def deepest(problem: Problem, x: Array) -> float:
+    """By how much limits whose constants are chosen are broken most at ``x (n,)``, in their size; 0 where they hold."""
+    shape, worst = shape_of(problem).at(x), 0.0
+    u = np.linspace(0.0, 1.0, SCAN_CHOSEN)
+    for limit in problem.chosen_limits:
+        segments = np.array(list(filter(limit.holds_on, range(len(shape.durations)))), dtype=np.intp)
+        worst = max(worst, -float(near_values(limit, shape, segments, u, 0.0).min()) / limit.size)
+    return worst
+
+
 def near_instants(problem: Problem, x: Array) -> list[Instant]:
     """A first grid of limits whose constants are chosen: where their rows are near their bounds at ``x (n,)``."""
     shape, found = shape_of(problem).at(x), []
     u = np.linspace(0.0, 1.0, FIRST_CHOSEN)
     for limit in problem.chosen_limits:
         segments = np.array(list(filter(limit.holds_on, range(len(shape.durations)))), dtype=np.intp)
-        above = near_values(limit, shape, segments, u[:-1], FIRST_WITHIN)
+        above = near_values(limit, shape, segments, u[:-1], limit.within)
         rows: dict[tuple[int, int], list[int]] = {}
         for k, row, i in np.argwhere(np.isfinite(above)).tolist():
             rows.setdefault((k, i), []).append(row)

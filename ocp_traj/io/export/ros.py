@@ -55,7 +55,7 @@ class Ros(Timed):
         found = self.played(trajectory, requirements, self.interpolation)
         columns: dict[str, Array] = dict(zip(FIELDS, found.states, strict=False))
         if self.effort:
-            columns["effort"] = efforts(found)
+            columns["effort"] = efforts(found, requirements)
         facts = about(found)
         message = {
             "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": self.frame},
@@ -79,20 +79,28 @@ def _stamp(tick: int) -> dict[str, Any]:
     return {"sec": seconds, "nanosec": nanoseconds}
 
 
-def efforts(found: Playback) -> Array:
-    """The efforts at the points ``(N, dof)``, as the limit on them has them."""
-    wanted, curve = found.requirements, found.played
+def efforts(found: Playback, wanted: Requirements | None) -> Array:
+    """The efforts at the points ``(N, dof)``, as the limit on them has them on the segment that begins there.
+
+    So where the payload changes the point has the efforts with the next one, and between it and the point before it the
+    limit holds with the payload of its own segment.
+
+    Args:
+        found: the points.
+        wanted: requirements of the trajectory.
+    """
+    curve = found.played
     limit = next((one for one in wanted.path_constraints if one.id == EFFORT), None) if wanted is not None else None
     if limit is None or wanted is None or len(limit.labels) != curve.dof:
         raise InputError(
             "the trajectory's problem has no effort limit, one a joint, to take efforts from; leave them out"
         )
-    if limit.constants is not None:
-        raise InputError("the problem's effort limit differs from segment to segment; leave efforts out")
     segment = np.minimum(np.arange(curve.segments + 1), curve.segments - 1)
     u = np.r_[np.zeros(curve.segments), 1.0]
     states = np.concatenate(
         [np.stack([curve.at(int(k), place, m)[0] for k, place in zip(segment, u, strict=True)], 1)
          for m in range(len(ORDERS))]
     )  # fmt: skip
-    return values_at(wanted, limit, states, segment, u, wanted.parameters_of([found.trajectory])).T
+    source, begins = found.source
+    places = source[segment], np.append(begins, 1.0)
+    return values_at(wanted, limit, states, *places, wanted.parameters_of([found.trajectory])).T
