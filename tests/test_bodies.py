@@ -12,7 +12,6 @@ import pytest
 
 from ocp_traj.errors import FileFormatError, InputError, RobotDefinitionError
 from ocp_traj.robot.bodies import Body, box, capsule, cylinder, half_space, sphere
-from ocp_traj.robot.body_distances import nearest, placed
 from ocp_traj.robot.body_pairs import (
     body_clearances,
     disabled_collisions,
@@ -21,7 +20,9 @@ from ocp_traj.robot.body_pairs import (
     self_pairs,
 )
 from ocp_traj.robot.capsule_fit import clipped, fit_capsules
+from ocp_traj.robot.cores import placed
 from ocp_traj.robot.descriptions import description_urdf, package_folders
+from ocp_traj.robot.nearest_points import nearest
 from ocp_traj.robot.placements import placements_function
 from ocp_traj.robot.robot import Robot
 from ocp_traj.robot.urdf_bodies import mesh_triangles, urdf_bodies

@@ -25,7 +25,7 @@ import numpy as np
 
 from ocp_traj.arrays import Array, Index
 from ocp_traj.proof.separation import BodyTable, Frames
-from ocp_traj.robot.body_distances import CYLINDERS
+from ocp_traj.robot.cores import CYLINDERS
 from ocp_traj.robot.dynamics import joint_is_revolute
 from ocp_traj.robot.robot import Robot
 

@@ -33,7 +33,7 @@ from ocp_traj.proof.decision import allowance_of, decide
 from ocp_traj.proof.enclosure import Arcs, parabola_bound
 from ocp_traj.proof.separation import BodyTable, Frames, separation
 from ocp_traj.proof.verdicts import AuditRow
-from ocp_traj.robot.body_distances import HALF_SPACES
+from ocp_traj.robot.cores import HALF_SPACES
 from ocp_traj.robot.placements import placements_function
 
 WIDTH = 1e-4  # [m] how closely the least clearance of all is enclosed

@@ -20,7 +20,8 @@ import numpy as np
 
 from ocp_traj.arrays import Array, Index
 from ocp_traj.robot.bodies import Body
-from ocp_traj.robot.body_distances import BOXES, CYLINDERS, HALF_SPACES, Cores, group_of, nearest
+from ocp_traj.robot.cores import BOXES, CYLINDERS, HALF_SPACES, Cores, group_of
+from ocp_traj.robot.nearest_points import nearest
 
 UNIT = 2.0**-53  # what one operation rounds by, of its result
 SHORTER = 1.0 - 2.0**-49  # of a unit vector, so that none is longer than 1
@@ -68,7 +69,7 @@ class BodyTable:
 
     Attributes:
         joint: column of a body's joint among those of the frames.
-        group: see ``ocp_traj.robot.body_distances``.
+        group: see ``ocp_traj.robot.cores``.
         centre, axes, half, radius: as a body has them; half lengths of a half-space are zero.
         size: sum of sizes of centre and half lengths [m].
         reach: of a core from the part of its third axis inside it [m], rounded up.

@@ -14,7 +14,8 @@ from ocp_traj.errors import FileFormatError, quoted
 from ocp_traj.files import LONGEST_PATH, read_text
 from ocp_traj.interval.tape import Tape
 from ocp_traj.robot.bodies import Body
-from ocp_traj.robot.body_distances import Cores, nearest, placed
+from ocp_traj.robot.cores import Cores, placed
+from ocp_traj.robot.nearest_points import nearest
 from ocp_traj.robot.placements import placements_function
 from ocp_traj.robot.robot import Robot
 

@@ -1,6 +1,6 @@
 """Signed distances of pairs of bodies fixed to a robot's joints or to the world, at many postures at once.
 
-Which points, edges or faces are nearest at a posture (see ``separation``) is told in the frames of the joints that
+Which points, edges or faces are nearest at a posture (``nearest_features``) is told in the frames of the joints that
 carry the bodies: with these numbers held, ``expression`` is the distance as a smooth function of the posture, exact
 there, with its slopes; to second order as well where no face of a core is curved or turns.
 """
@@ -12,29 +12,18 @@ from functools import cached_property
 from typing import Any
 
 import casadi
-import coal
 import numpy as np
 
 from ocp_traj.arrays import Array, Index
 from ocp_traj.mapped import Mapped
-from ocp_traj.robot.bodies import BOX, CAPSULE, CYLINDER, HALF_SPACE, SPHERE, Body
-from ocp_traj.robot.body_distances import BOXES, CYLINDERS, HALF_SPACES, SEGMENTS, Cores, nearest
-from ocp_traj.robot.cylinder_separation import cylinder_plane, segment_cylinder
+from ocp_traj.robot.bodies import Body
+from ocp_traj.robot.cores import Cores, group_of
+from ocp_traj.robot.nearest_features import Nearest, nearest_features
 from ocp_traj.robot.pair_bounds import PairBounds
 from ocp_traj.robot.placements import placements_function
 from ocp_traj.robot.robot import Robot
-from ocp_traj.robot.separation import (
-    TOUCHING,
-    Nearest,
-    box_plane,
-    segment_box,
-    segment_plane,
-    segment_segment,
-)
 
 CONSTANTS = 17  # point, edge; point, edge, normal; flat, radius: what is nearest at a posture is told by
-ORDER = {SPHERE: 0, CAPSULE: 0, CYLINDER: 1, BOX: 2, HALF_SPACE: 3}  # which body of a pair comes first
-GROUPS = (SEGMENTS, CYLINDERS, BOXES, HALF_SPACES)  # of ``body_distances``, in that order
 
 
 class PairDistances:
@@ -53,10 +42,7 @@ class PairDistances:
     def __init__(self, robot: Robot, pairs: Sequence[tuple[Body, Body]]) -> None:
         """Puts the numbers of all pairs in arrays."""
         self.robot = robot
-        self.pairs = [pair if ORDER[pair[0].kind] <= ORDER[pair[1].kind] else pair[::-1] for pair in pairs]
-        kinds = [(ORDER[a.kind], ORDER[b.kind]) for a, b in self.pairs]
-        self._kinds = {kind: i for i, kind in enumerate(dict.fromkeys(kinds))}
-        self._kind = np.array([self._kinds[kind] for kind in kinds], dtype=np.intp)
+        self.pairs = [pair if group_of(pair[0]) <= group_of(pair[1]) else pair[::-1] for pair in pairs]
         self.joints = np.array([[a.joint, b.joint] for a, b in self.pairs], dtype=np.intp).reshape(-1, 2)
         self.radius = np.array([a.radius + b.radius for a, b in self.pairs])
         self._carriers: Index = np.unique(self.joints)
@@ -64,7 +50,9 @@ class PairDistances:
         bodies = [[pair[side] for pair in self.pairs] for side in (0, 1)]
         self._centre = [np.array([b.centre for b in own]).reshape(-1, 3) for own in bodies]
         self._axes = [np.array([b.axes for b in own]).reshape(-1, 3, 3) for own in bodies]
-        self._half = [np.array([b.half for b in own]).reshape(-1, 3) for own in bodies]
+        half = [np.array([b.half for b in own]).reshape(-1, 3) for own in bodies]
+        self._half = [np.where(np.isfinite(own), own, 0.0) for own in half]
+        self._group = [np.array([group_of(b) for b in own], dtype=np.intp) for own in bodies]
         self._bounds = PairBounds(self.pairs, self._carriers)
 
     def placements(self, q: Array) -> tuple[Array, Array]:
@@ -98,20 +86,14 @@ class PairDistances:
             placed: ``placements(q)``, where they are known.
         """
         rotations, places = self.placements(q) if placed is None else placed
-        found = Nearest.empty(len(q))
-        for kinds, number in self._kinds.items():
-            here = np.flatnonzero(self._kind[rows] == number)
-            if len(here):
-                a, b = (self._world(side, here, rows[here], rotations, places) for side in (0, 1))
-                method = _METHODS.get(kinds)
-                found.put(here, _in_general(kinds, a, b) if method is None else method(a, b))
-        return found
+        a, b = (self._cores(side, rows, rotations, places) for side in (0, 1))
+        return nearest_features(a, b)
 
-    def _world(self, side: int, here: Index, rows: Index, rotations: Array, places: Array) -> _Cores:
-        carrier = np.searchsorted(self._carriers, self.joints[rows, side])
-        turn = rotations[here, carrier]
-        centre = np.einsum("nij,nj->ni", turn, self._centre[side][rows]) + places[here, carrier]
-        return _Cores(centre, turn @ self._axes[side][rows], self._half[side][rows])
+    def _cores(self, side: int, rows: Index, rotations: Array, places: Array) -> Cores:
+        carrier, each = np.searchsorted(self._carriers, self.joints[rows, side]), np.arange(len(rows))
+        turn = rotations[each, carrier]
+        centre = np.einsum("nij,nj->ni", turn, self._centre[side][rows]) + places[each, carrier]
+        return Cores(self._group[side][rows], centre, turn @ self._axes[side][rows], self._half[side][rows])
 
     def distances(self, q: Array, rows: Index) -> Array:
         """Signed distances ``(N,)`` [m] of pair ``rows[i]`` at posture ``q[i]``."""
@@ -151,66 +133,3 @@ class PairDistances:
             return flat * along_normal + (1.0 - flat) * direct - radius
 
         return distance
-
-
-class _Cores:
-    """Cores in the world.
-
-    Attributes:
-        centre: ``(N, 3)``.
-        axes: ``(N, 3, 3)``, columns.
-        half: ``(N, 3)``.
-    """
-
-    def __init__(self, centre: Array, axes: Array, half: Array) -> None:
-        self.centre, self.axes, self.half = centre, axes, half
-
-    @property
-    def ends(self) -> Array:
-        """Of segments along the third axis ``(N, 2, 3)``."""
-        reach = self.half[:, 2:] * self.axes[:, :, 2]
-        return np.stack([self.centre - reach, self.centre + reach], axis=1)
-
-    @property
-    def box(self) -> tuple[Array, Array, Array]:
-        """Centre, axes and half lengths."""
-        return self.centre, self.axes, self.half
-
-    @property
-    def plane(self) -> tuple[Array, Array]:
-        """Normal ``(N, 3)`` and offset ``(N,)`` of half-spaces normal . x <= offset."""
-        normal = self.axes[:, :, 2]
-        return normal, (normal * self.centre).sum(axis=1)
-
-
-def _in_general(kinds: tuple[int, int], a: _Cores, b: _Cores) -> Nearest:
-    """Of kinds that have no method of their own here, such as two cylinders: by points and a normal that stays."""
-    count = len(a.centre)
-    cores = [Cores(np.full(count, GROUPS[kind]), *own.box) for kind, own in zip(kinds, (a, b), strict=True)]
-    x, y, normal = nearest(*cores)
-    none = np.zeros_like(x)
-    distance = ((x - y) * normal).sum(axis=1)
-    for i in np.flatnonzero(distance <= TOUCHING).tolist():  # that they meet is known, not how deep
-        shapes = [_shape(kind, own.half[i]) for kind, own in zip(kinds, (a, b), strict=True)]
-        poses = [coal.Transform3s(own.axes[i], own.centre[i]) for own in (a, b)]
-        result = coal.DistanceResult()
-        depth = coal.distance(shapes[0], poses[0], shapes[1], poses[1], coal.DistanceRequest(), result)
-        if depth < 0.0:
-            distance[i], normal[i] = depth, -np.asarray(result.normal).ravel()
-            x[i], y[i] = result.getNearestPoint1(), result.getNearestPoint2()
-    return Nearest(distance, x, y, none, none, normal, np.ones(count), np.zeros(count))
-
-
-def _shape(kind: int, half: Array) -> Any:
-    """A cylinder or box about the origin, as ``coal`` has it."""
-    return coal.Cylinder(float(half[0]), 2.0 * float(half[2])) if kind == ORDER[CYLINDER] else coal.Box(*(2.0 * half))
-
-
-_METHODS: dict[tuple[int, int], Callable[[_Cores, _Cores], Nearest]] = {
-    (0, 0): lambda a, b: segment_segment(a.ends, b.ends),
-    (0, 1): lambda a, b: segment_cylinder(a.ends, *b.box),
-    (0, 2): lambda a, b: segment_box(a.ends, *b.box),
-    (0, 3): lambda a, b: segment_plane(a.ends, *b.plane),
-    (1, 3): lambda a, b: cylinder_plane(*a.box, *b.plane),
-    (2, 3): lambda a, b: box_plane(*a.box, *b.plane),
-}
