@@ -92,8 +92,7 @@ def _inner(segments: Cores, points: Array) -> NDArray[np.bool_]:
 
 def _skew(one: Array, two: Array) -> NDArray[np.bool_]:
     """Which unit vectors ``(N, 3)``, zero for none, are not parallel."""
-    across = np.cross(one, two)
-    return np.asarray((dot(across, across) > PARALLEL) | (dot(one, one) * dot(two, two) == 0.0))
+    return np.asarray(1.0 - dot(one, two) ** 2 > PARALLEL)
 
 
 def _of_segments(a: Cores, b: Cores, found: Nearest) -> Nearest:
