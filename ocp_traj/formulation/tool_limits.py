@@ -33,7 +33,7 @@ FEW = (0.0, 0.5, 1.0)  # of the others
 MOST_EXCHANGES = 16
 # A wide barrier leads away from a start along the path, and IPOPT does not always find the way back; so does a narrow
 # one where it begins nearer to the limits than the barrier keeps it. Many motions are equally quick: with a finer
-# tolerance it goes from one to the other for ever; with this it ends in the middle of them, at some 1e-5 s more than the
+# tolerance it goes from one to the other for ever; with this it ends in the middle of them, some 1e-5 s above the
 # least time.
 BARRIER, PUSH, TOLERANCE = 1e-4, 1e-4, 1e-6
 
