@@ -182,14 +182,6 @@ def test_a_path_with_limits_up_to_snap_is_solved_by_levels_of_four_times_the_pie
     assert found.f < 0.99 * alone.f and f"by levels: {alone.f:.6g} of" in found.detail
 
 
-@pytest.mark.slow
-def test_limits_up_to_snap_are_proved_along_the_path_of_the_example() -> None:
-    problem = ot.problems.load("task", file=str(EXAMPLES / "ur5-retime.toml"), **{"limits.snap": 1500.0})
-    found = ot.solve(problem)
-    assert found.audit is not None and found.audit.proved
-    assert 2.57 < found.f < 3.495  # 3.4793 s with twice the pieces; 2.57 s without a limit on snap
-
-
 @pytest.mark.parametrize("pieces, factors", [(16, [4, 4]), (8, [2, 4]), (6, [2, 3]), (7, [7])])
 def test_levels_have_at_most_four_times_the_pieces_of_the_coarser(
     tmp_path: Path, pieces: int, factors: list[int]

@@ -145,7 +145,8 @@ def test_starts_go_around_and_are_the_same_from_the_same_seed() -> None:
 
 @pytest.mark.slow
 def test_the_example_with_whole_links_is_proved() -> None:
-    solution = ot.solve(ot.problems.load("task", file=str(EXAMPLE)), seed=0, starts=1)
+    problem = ot.problems.load("task", file=str(EXAMPLE), **{"curve.finest": 4})
+    solution = ot.solve(problem, seed=0, starts=1)
     assert solution.audit.proved
     rows = [row for row in solution.audit.rows if row.limit in ("obstacles", "self-collision")]
     nearest = min((row for row in rows if row.limit == "obstacles"), key=lambda row: row.attained)
