@@ -49,6 +49,7 @@ def test_an_arm_loads_or_is_refused_for_limits_that_are_not_given(arm: Arm) -> N
         assert 2 <= arm.robot().size <= 7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["kinova", "xarm", "so100"])
 def test_a_random_move_of_an_arm_is_proved(name: str) -> None:
     (arm,) = (arm for arm in ARMS if arm.name == name)

@@ -37,6 +37,7 @@ from tests.attack import (
 from tests.random_robots import random_robot
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("joints", "batch"), [(1, 20), (2, 20), (3, 16), (5, 12), (7, 8)])
 def test_random_trajectories_never_contradict_their_audit(joints: int, batch: int) -> None:
     _decides_what_is_clear(attack(0, joints, batch))

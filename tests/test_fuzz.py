@@ -6,6 +6,7 @@ from ocp_traj.proof.verdicts import Audit
 from tests import fuzz
 
 
+@pytest.mark.slow
 def test_what_is_proved_of_mutated_files_holds_and_nothing_ends_in_a_traceback() -> None:
     found = fuzz.main(30, 2, heavy=False)
     assert not found.faults

@@ -205,6 +205,7 @@ BROKEN: list[tuple[str, str, Change]] = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "limit", "change"), BROKEN, ids=[f"{name}: {limit}" for name, limit, _ in BROKEN])
 def test_a_limit_that_is_broken_is_caught(
     name: str, limit: str, change: Change, monkeypatch: pytest.MonkeyPatch

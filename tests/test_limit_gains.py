@@ -25,6 +25,7 @@ def _per_limit(solution: ot.Solution) -> dict[str, float]:
     return {g.limit: g.gain for g in solution.gains} | whole
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "changes"),
     [

@@ -68,6 +68,7 @@ FRONTS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "changes", "traded", "options"), FRONTS, ids=str)
 def test_a_front_keeps_every_limit(name: str, changes: Changes, traded: tuple[str, str], options: Changes) -> None:
     front = ot.pareto(problems.load(name, **changes), traded, **options)

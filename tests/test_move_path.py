@@ -182,6 +182,7 @@ def test_a_path_with_limits_up_to_snap_is_solved_by_levels_of_four_times_the_pie
     assert found.f < 0.99 * alone.f and f"by levels: {alone.f:.6g} of" in found.detail
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pieces, factors", [(16, [4, 4]), (8, [2, 4]), (6, [2, 3]), (7, [7])])
 def test_levels_have_at_most_four_times_the_pieces_of_the_coarser(
     tmp_path: Path, pieces: int, factors: list[int]

@@ -152,6 +152,7 @@ def test_a_motion_without_limits_is_never_proved(fast: Trajectory) -> None:
         assert found.explain().startswith("nothing is proved: the trajectory names no problem")
 
 
+@pytest.mark.slow
 def test_a_tolerance_no_quintics_can_meet_is_refused(welded: Trajectory) -> None:
     with pytest.raises(InputError, match="the tolerance is 0.0; give a number above zero"):
         at_knots(welded, None, tolerance=0.0)

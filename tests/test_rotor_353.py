@@ -452,6 +452,7 @@ def test_per_joint_has_no_front_no_effort_and_no_free_payload() -> None:
         problems.load("rotor-353", timing="per_joint", free_payload=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("printed", "code", "verdict"), [("false", 0, "proved"), ("true", 1, "violated")])
 def test_command_line_tells_a_recipe_that_breaks_limits(
     printed: str, code: int, verdict: str, capsys: pytest.CaptureFixture[str]

@@ -103,6 +103,7 @@ def test_pieces_follow_the_seam_to_what_they_say(psi: float) -> None:
         assert_allclose(found, [place[0], axis[0]], rtol=0, atol=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seam", "tags"),
     [

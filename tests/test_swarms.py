@@ -69,6 +69,7 @@ def test_constriction_is_clerc_and_kennedy_s() -> None:
 # --- one objective ---
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "solver", SOLVERS, ids=lambda s: f"{type(s).__name__} {getattr(s, 'schedule', '')} {s.handling}"
 )

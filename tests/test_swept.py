@@ -66,6 +66,7 @@ EXPRESSIONS = {
 # --- proofs ---
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXPRESSIONS)
 @pytest.mark.parametrize("seed", range(6))
 def test_no_scan_contradicts_an_audit(name: str, seed: int) -> None:

@@ -140,6 +140,7 @@ def test_finer_curves_are_faster_and_proved(tmp_path: Path) -> None:
     assert solution.trajectory is not None and solution.trajectory.case["curve"]["pieces"] > 1
 
 
+@pytest.mark.slow
 def test_mutated_tasks_are_understood_or_refused_in_one_line() -> None:
     found = [outcome(seed) for seed in range(60)]
     assert "understood" in found and not any("\n" in words for words in found)

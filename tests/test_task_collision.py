@@ -71,6 +71,7 @@ def test_a_motion_past_an_obstacle_is_solved_and_proved() -> None:
     assert nearest.attained - 1.01e-4 <= solution.objectives["clearance"] <= nearest.attained
 
 
+@pytest.mark.slow
 def test_without_the_obstacle_it_is_faster() -> None:
     free = ot.problems.load("task", **{k: v for k, v in _problem().case.fields().items() if k != "collision"})
     assert ot.solve(free, seed=0).objectives["time"] < _solution().objectives["time"] - 1e-3

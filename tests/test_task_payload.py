@@ -27,6 +27,7 @@ def test_the_time_of_a_freed_payload_is_the_curves(kind: str) -> None:
     assert evaluate_objectives(problem, x)["time"] == pytest.approx(float(motion_of(problem, x).curve.duration))
 
 
+@pytest.mark.slow
 def test_the_largest_payload_is_that_whose_shortest_motion_takes_the_time(tmp_path: Path) -> None:
     problem = _task()
     found = ot.payload(problem, max_time=3.5)

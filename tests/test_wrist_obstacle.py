@@ -470,6 +470,7 @@ def test_the_genetic_algorithm_has_the_papers_numbers() -> None:
     assert (ga.population, ga.generations, ga.tournament, ga.crossover, ga.mutation) == (200, 80, 5, 0.8, 0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("handling", ["feasibility", "death"])
 def test_a_short_run_of_the_genetic_algorithm_is_proved_and_not_optimal(wrist: Problem, handling: str) -> None:
     solution = solve(wrist, method="ga", starts=1, generations=30, handling=handling)
