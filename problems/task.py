@@ -39,7 +39,7 @@ from ocp_traj.formulation.retiming import retiming
 from ocp_traj.formulation.route import Route, exact_points, route_of
 from ocp_traj.formulation.stretches import stretches_of
 from ocp_traj.formulation.task import Task
-from ocp_traj.formulation.task_collision import Clear, with_clearance
+from ocp_traj.formulation.task_collision import Clear, collision_notes, with_clearance
 from ocp_traj.formulation.task_file import changed, read_task, task_of, told
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_payload import carried, payload_notes
@@ -178,7 +178,8 @@ def _posed(task: Task, robot: Robot, route: Route, clear: Clear | None, made: Pa
         about=About(
             title=task.name, curve_kind=f"{task.curve.kind}, {len(made.legs)} legs",
             notes=(
-                *payload_notes(task), *tool_notes(route, sum(len(v.labels) for v in made.variables), len(made.legs[0])),
+                *payload_notes(task), *collision_notes(task.collision),
+                *tool_notes(route, sum(len(v.labels) for v in made.variables), len(made.legs[0])),
             ),
             figures=tool_figures(robot.size, limits),
         ),

@@ -162,3 +162,11 @@ def test_a_free_payload_and_the_clearance_are_both_parameters() -> None:
     x = problem.guess(np.random.default_rng(0))
     assert motion_of(problem, x).parameters == {"payload": x[-1], "clearance": x[-2]}
     assert problem.tighten_slacks(x).shape == x.shape and problem.dilate(x, 2.0)[-2] == x[-2]
+
+
+def test_links_that_are_left_out_are_told_with_every_result() -> None:
+    assert not _problem().about.notes
+    fields = _problem().case.fields()
+    fields["collision"] = {**fields["collision"], "touching": [["rod", "gripper"]]}
+    (note,) = ot.problems.load("task", **fields).about.notes
+    assert "not looked at" in note and note.endswith("rod - gripper")

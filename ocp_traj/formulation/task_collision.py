@@ -158,6 +158,14 @@ def with_clearance(
 SCALE = 0.01  # [m] of the objective: our choice
 
 
+def collision_notes(table: CollisionTable | None) -> tuple[str, ...]:
+    """Which pairs of links a resolved table leaves out, so that "proved" is never read to be of them."""
+    if table is None or not table.touching:
+        return ()
+    pairs = ", ".join(" - ".join(pair) for pair in table.touching)
+    return (f"collision: not looked at, since their bodies overlap at most postures: {pairs}",)
+
+
 def _of_first(function: Callable[[Any], Any], n: int) -> Callable[[Any], Any]:
     return lambda x: function(x[:n])
 
