@@ -118,6 +118,16 @@ class FrontTracer:
         return ParetoSet(xs, "trace", self.seed, time.perf_counter() - begun, info, interrupted)
 
 
+@dataclass(frozen=True)
+class _Gap:
+    """Two neighbours on a front of two objectives, their values of the first, and the extent of the front."""
+
+    one: Solution
+    other: Solution
+    ends: tuple[float, float]
+    extent: bytes
+
+
 class _Trace:
     """One run of the tracer: the solutions so far and their objective values, less is better."""
 
@@ -169,7 +179,7 @@ class _Trace:
         self.ended = True
 
     def _from_guesses(self, scalar: Scalarisation, starts: int, seed: int) -> Solution:
-        many = Multistart(self.tracer.solver, starts, seed)
+        many = Multistart(self.tracer.solver, starts, seed, workers=self.tracer.workers, found=self.tracer.found)
         solver = many if self.problem.levels is None else ByLevels(many, refine=False)
         return solver.solve(self.problem, scalar)
 
@@ -228,25 +238,42 @@ class _Trace:
             self.conflict = False
             return
         closed: set[tuple[float, float]] = set()  # gaps in which nothing new was found
-        while len(self.solutions) < self.tracer.points:
-            order = np.argsort(self.values[:, 0])
-            values = self.values[order]
-            gaps = np.abs(np.diff(values, axis=0)) / span
-            area = np.array(
-                [
-                    0.0 if (a[0], b[0]) in closed else g.prod()
-                    for a, b, g in zip(values[:-1], values[1:], gaps, strict=True)
-                ]
-            )
-            if not (area > 1e-12).any():
+        begun: dict[_Gap, Begun] = {}
+        while (left := self.tracer.points - len(self.solutions)) > 0:
+            gaps = self._widest(span, closed)
+            if not gaps:
                 return
-            i = int(np.argmax(area))
-            pair = [int(order[i]), int(order[i + 1])]
-            bounded = int(np.argmax(gaps[i]))
-            middle = float(self.signs[bounded] * values[i : i + 2, bounded].mean())
-            scalar = EpsilonConstraint(self.names[1 - bounded], {self.names[bounded]: middle}, augmentation=1e-6)
-            if not self._point(scalar, pair, {bounded: self.signs[bounded] * middle}, span):
-                closed.add((values[i, 0], values[i + 1, 0]))
+            # Those that are likely to be next are begun by workers that have nothing else to do. Which one is taken,
+            # and what is asked of it, does not depend on that.
+            for gap in gaps[: 1 + min(self.tracer.workers.ahead, left - 1)]:
+                if gap not in begun:
+                    begun[gap] = self.work.begin(self._halved(gap, span))
+            gap = gaps[0]
+            if not self._merge(begun.pop(gap), span):
+                closed.add(gap.ends)
+
+    def _widest(self, span: Array, closed: set[tuple[float, float]]) -> list[_Gap]:
+        """The gaps between neighbours that are still open, the widest first."""
+        order = np.argsort(self.values[:, 0])
+        values = self.values[order]
+        areas = (np.abs(np.diff(values, axis=0)) / span).prod(axis=1)
+        extent = np.ptp(self.values, axis=0).tobytes()
+        gaps = []
+        for i in np.argsort(-areas, kind="stable").tolist():
+            pair = self.solutions[order[i]], self.solutions[order[i + 1]]
+            gap = _Gap(*pair, (float(values[i, 0]), float(values[i + 1, 0])), extent)
+            if areas[i] > 1e-12 and gap.ends not in closed:
+                gaps.append(gap)
+        return gaps
+
+    def _halved(self, gap: _Gap, span: Array) -> Request:
+        """What to solve for a point in the middle of a gap."""
+        pair = [next(i for i, known in enumerate(self.solutions) if known is one) for one in (gap.one, gap.other)]
+        values = self.values[pair]
+        bounded = int(np.argmax(np.abs(np.diff(values, axis=0))[0] / span))
+        middle = float(self.signs[bounded] * values[:, bounded].mean())
+        scalar = EpsilonConstraint(self.names[1 - bounded], {self.names[bounded]: middle}, augmentation=1e-6)
+        return self._request(scalar, pair, {bounded: self.signs[bounded] * middle})
 
     def lattice(self) -> None:
         """Goal attainment from the ideal along the directions of a lattice, and of finer ones, until points are enough.

@@ -19,7 +19,7 @@ from ocp_traj.results.solution import Solution
 from ocp_traj.results.solution_records import of_solution
 from ocp_traj.transcription.nlp import Status
 
-SOLVE, POPULATION, FRONT = "solve", "population", "front"
+SOLVE, START, OPENING, POPULATION, FRONT = "solve", "start", "opening", "population", "front"
 KEY = "key"  # of a record: the key of the job that it answers
 
 Record = Mapping[str, Any]
@@ -56,6 +56,16 @@ def of_solve(scalarisation: Scalarisation, solution: Solution, as_found: Solutio
     )
 
 
+def of_start(scalarisation: Scalarisation, solution: Solution, first: Any = None) -> Record:
+    """One random start of several, the best of which counts as a solve; with what its first NLP has ended with."""
+    return {**of_solve(scalarisation, solution), "kind": START, "first": first}
+
+
+def of_opening(first: Any) -> Record:
+    """A random start that was not followed beyond its first NLP."""
+    return {"kind": OPENING, "points": [], "first": first}
+
+
 def of_population(xs: Iterable[ArrayLike]) -> Record:
     """The best of a population so far ``(n,)`` each, not yet audited: it takes the place of earlier ones."""
     return _record(POPULATION, [{"x": x} for x in xs])
@@ -70,7 +80,7 @@ def of_front(front: Front) -> Record:
 
 def usable(record: Record) -> bool:
     """Whether a front can be made of its points: not of those of a solve that failed."""
-    return bool(record["points"]) and (record["kind"] != SOLVE or Status[record["status"]].ok)
+    return bool(record["points"]) and (record["kind"] not in (SOLVE, START) or Status[record["status"]].ok)
 
 
 def is_proved(record: Record) -> bool:

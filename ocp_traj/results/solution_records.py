@@ -72,7 +72,7 @@ def of_solution(solution: Solution) -> Plain:
 
 
 def solution_of(found: Mapping[str, Any], problem: Problem, trajectory: bool = True) -> Solution:
-    """The solution that ``of_solution`` has told of, of the same problem; without its trajectory where that is not wanted."""
+    """The solution that ``of_solution`` has told of, of the same problem; its trajectory only if wanted."""
     table = [Row(*values) for values in found["table"]]
     x = _vector(found["x"])
     assert x is not None
