@@ -18,6 +18,7 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation, WeightedSum
 from ocp_traj.parallel.job import Answer, Job
 from ocp_traj.parallel.workers import Pending, Workers
+from ocp_traj.progress import silent
 from ocp_traj.results.incumbent import no_worse_than
 from ocp_traj.results.records import KEY, Found, of_opening, of_start
 from ocp_traj.results.solution import Solution
@@ -62,6 +63,23 @@ def warmed(problem: Problem, solver: Exchange, scalarisation: Scalarisation, x0:
     solution = replace(solver, first=first.instants).solve(problem, scalarisation, first.x)
     solution = no_worse_than(problem, scalarisation, solution, x0)
     return of_start(scalarisation, replace(solution, iterations=first.iterations + solution.iterations))
+
+
+def started(problem: Problem, solver: Exchange, scalarisation: Scalarisation, x0: Array) -> Answer:
+    """The job of one solve from ``x0 (n,)`` that leads to another one."""
+    return of_start(scalarisation, solver.solve(problem, scalarisation, x0))
+
+
+def solved_from(
+    problem: Problem, solver: Exchange, scalarisation: Scalarisation, x0: Array, workers: Workers, found: Found
+) -> Solution:
+    """The solution of ``started``."""
+    if workers.count:
+        solver = replace(solver, progress=silent)
+    arguments = {"solver": solver, "scalarisation": scalarisation, "x0": x0}
+    answer = workers.submit(Job("ocp_traj.solvers.starts:started", problem, arguments)).result()
+    found(answer)
+    return replace(solution_of(answer["solution"], problem), key=answer[KEY])
 
 
 def _opening(problem: Problem, solver: Exchange, scalarisation: Scalarisation, x0: Array) -> NLP:

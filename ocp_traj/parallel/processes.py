@@ -9,18 +9,16 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import pickle
 import signal
 import threading
 from collections.abc import Mapping
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import Connection
-from typing import Any
 
 from ocp_traj.errors import InputError, OcpTrajError
 from ocp_traj.parallel.job import Answer, Job
-from ocp_traj.parallel.remote import do, sent
+from ocp_traj.parallel.remote import do, pickled
 from ocp_traj.parallel.workers import Pending, Workers, with_key
 from ocp_traj.stopping import current
 
@@ -143,15 +141,6 @@ def _answer(future: Future[Answer]) -> Answer:
     return future.result()
 
 
-def pickled(job: Job) -> bytes:
-    """A job as it travels; raises ``InputError`` where it cannot."""
-    travels = sent(job)
-    try:
-        return pickle.dumps(travels)
-    except (pickle.PicklingError, AttributeError, TypeError) as error:
-        raise InputError(f"{job.words}: it cannot be given to a worker: {error}") from error
-
-
 class _Pool:
     """Processes, and the pipe that ends them."""
 
@@ -162,7 +151,7 @@ class _Pool:
         self._executor: Executor = ProcessPoolExecutor(count, context, _begin, (theirs,))
 
     def submit(self, job: bytes) -> Future[Answer]:
-        return self._executor.submit(_do, job)
+        return self._executor.submit(do, job)
 
     def end(self) -> None:
         self._ours.close()
@@ -183,8 +172,3 @@ def _end_with(watched: Connection) -> None:
         watched.poll(None)  # nothing is ever sent: it returns when the other end is closed
     finally:
         os._exit(0)
-
-
-def _do(job: bytes) -> Answer:
-    arguments: Any = pickle.loads(job)  # of this run's own process
-    return do(*arguments)

@@ -57,8 +57,8 @@ def of_solve(scalarisation: Scalarisation, solution: Solution, as_found: Solutio
 
 
 def of_start(scalarisation: Scalarisation, solution: Solution, first: Any = None) -> Record:
-    """One random start of several, the best of which counts as a solve; with what its first NLP has ended with."""
-    return {**of_solve(scalarisation, solution), "kind": START, "first": first}
+    """A solve on the way to one that counts, such as a random start, with what its first NLP has ended with."""
+    return {**of_solve(scalarisation, solution), "kind": START, "points": [], "first": first}
 
 
 def of_opening(first: Any) -> Record:
@@ -80,7 +80,7 @@ def of_front(front: Front) -> Record:
 
 def usable(record: Record) -> bool:
     """Whether a front can be made of its points: not of those of a solve that failed."""
-    return bool(record["points"]) and (record["kind"] not in (SOLVE, START) or Status[record["status"]].ok)
+    return bool(record["points"]) and (record["kind"] != SOLVE or Status[record["status"]].ok)
 
 
 def is_proved(record: Record) -> bool:
