@@ -74,7 +74,7 @@ class ByLevels:
         return replace(
             best, detail=best.detail + levels, seconds=time.perf_counter() - begun,
             iterations=sum(s.iterations for _, s in found), starts=found[0][1].starts,
-            interrupted=best.interrupted or interrupted,
+            interrupted=best.interrupted or interrupted, key="",
         )  # fmt: skip
 
     def _from(self, chain: Sequence[Problem], x: Array, scalarisation: Scalarisation) -> Solution:
@@ -84,7 +84,7 @@ class ByLevels:
         tries = [self._solved(chain[0], near, scalarisation, x)]
         if not _is_proved(tries[0]):
             tries.append(self._solved(chain[0], solver, scalarisation, x))
-        return replace(best_of(tries), starts=1)
+        return replace(best_of(tries), starts=1, key="")
 
     def _level(
         self, problem: Problem, scalarisation: Scalarisation, coarser: Solution | None, *, cold: bool = True

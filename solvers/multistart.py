@@ -122,7 +122,7 @@ class Multistart:
             best = replace(best, conflicts=amounts_to_give(problem, scalarisation, best))
         return replace(
             best, seconds=time.perf_counter() - begun, optima=optima, starts=done,
-            given_up=done - len(solutions) // each, interrupted=interrupted,
+            given_up=done - len(solutions) // each, interrupted=interrupted, key="",
         )  # fmt: skip
 
 
