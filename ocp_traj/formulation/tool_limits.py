@@ -127,8 +127,9 @@ def tool_tuning(tuning: Tuning, route: Route, limits: Sequence[PathConstraint]) 
         instants[limit.id] = MANY if many else () if limit.order is None else FEW
     known = tuning.solver_options.get("ipopt", {})
     constant = any(move.speed is not None for _, move in route.tool_moves)
+    trace = {"acceleration": TRACE} if constant else {}
     return replace(
-        tuning, instants=instants, max_exchanges=MOST_EXCHANGES, regularisation={"acceleration": TRACE} if constant else {},
+        tuning, instants=instants, max_exchanges=MOST_EXCHANGES, regularisation=trace,
         solver_options={
             **tuning.solver_options,
             "ipopt": {**known, "mu_init": BARRIER, "bound_push": PUSH, "bound_frac": PUSH, "tol": TOLERANCE},
