@@ -10,6 +10,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which run no ``__getattr_
     from ocp_traj import curves as curves
     from ocp_traj import problems as problems
     from ocp_traj import solvers as solvers
+    from ocp_traj.api import certify_front as certify_front
     from ocp_traj.api import pareto as pareto
     from ocp_traj.api import payload as payload
     from ocp_traj.api import solve as solve
@@ -62,6 +63,7 @@ _PUBLIC = {
     "Task": "ocp_traj.formulation.task:Task",
     "solve": "ocp_traj.api:solve",
     "pareto": "ocp_traj.api:pareto",
+    "certify_front": "ocp_traj.api:certify_front",
     "payload": "ocp_traj.api:payload",
     "register": "ocp_traj.formulation.registry:register",
     "load_run": "ocp_traj.io.run_reader:load_run",

@@ -240,6 +240,9 @@ def pareto(
         typer.Option(metavar="A,B[,..]", help="Ideal point of the hypervolume; the problem's own if not given."),
     ] = None,
     keep_unproved: Annotated[bool, typer.Option(help="Keep points that are not proved.")] = False,
+    certify: Annotated[
+        bool, typer.Option("--certify", help="Bound what the front leaves out; refused where no bound is known.")
+    ] = False,
     force: Annotated[bool, typer.Option(help="Replace an existing run.")] = False,
     json: AsJson = False,
 ) -> int:
@@ -251,6 +254,7 @@ def pareto(
     from ocp_traj.cli import sheets
     from ocp_traj.io.store import Run, request
     from ocp_traj.results.pareto_set import ENDED_AFTER
+    from ocp_traj.solvers.front_certifier import require_front_certifiable
 
     chosen = _load(problem, set_)
     task = _task(chosen)
@@ -273,7 +277,11 @@ def pareto(
     options = methods.options_from_text(methods.FRONT, method, _pairs(option, "--option"))
     if points is not None:
         options["points"] = points
-    asked = request(chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, options=options)
+    if certify:
+        require_front_certifiable(chosen, names)
+    asked = request(
+        chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, certify=certify, options=options
+    )
     with stopping() as stop:
         with Run(output, asked, force=force) as kept:
             try:
@@ -282,6 +290,9 @@ def pareto(
                         chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
                         found=kept.found, progress=progress, **options,
                     )  # fmt: skip
+                if certify and len(front) and not stop.interrupted:
+                    with console.progress("certifying") as progress:
+                        front = api.certify_front(front, reference=corners[0], progress=progress)
                 if len(front):
                     volume = front.hypervolume(*corners)
                     folder = kept.finish(front, volume)

@@ -17,6 +17,7 @@ from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError, quoted
 from ocp_traj.files import write_with
 from ocp_traj.formulation.requirements import PathConstraint, Requirements
+from ocp_traj.io.plot_certificate import shade
 from ocp_traj.proof.values import limit_along
 from ocp_traj.proof.verdicts import PROVED, UNDECIDED, VIOLATED
 from ocp_traj.results.front import Front
@@ -36,7 +37,8 @@ def plot_front(front: Front, path: str | Path) -> Path:
     """Draws the traded objectives against each other: one plot for two, a grid of all pairs for more.
 
     The front's knee and ideal are marked, and so is every published point in ``front.info["paper"]``, a mapping
-    ``{label: {objective: value}}`` in the objectives' units.
+    ``{label: {objective: value}}`` in the objectives' units. Where the front has a certificate, what lies between its
+    staircases is shaded.
     """
     count = len(front.objectives) - 1
     size = (7.0, 4.8) if count == 1 else (3.1 * count + 0.6, 2.7 * count + 0.9)
@@ -53,6 +55,8 @@ def plot_front(front: Front, path: str | Path) -> Path:
                 grid[row, column].set_xlabel(_quantity(front, front.objectives[column]))
             if column == 0:
                 grid[row, column].set_ylabel(_quantity(front, front.objectives[row + 1]))
+    if front.certificate is not None:
+        shade(grid[0, 0], front.certificate, front.objectives[0])
     figure.suptitle(_headline(front), fontsize=10)
     handles, labels = grid[0, 0].get_legend_handles_labels()
     if count == 1:
