@@ -39,6 +39,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which run no ``__getattr_
     from ocp_traj.io.store import save_run as save_run
     from ocp_traj.proof.audit import audit as audit
     from ocp_traj.results.front import Front as Front
+    from ocp_traj.results.front_comparison import compare_fronts as compare_fronts
     from ocp_traj.results.solution import Solution as Solution
     from ocp_traj.results.trajectory import Trajectory as Trajectory
     from ocp_traj.robot.joint_limits import JointLimits as JointLimits
@@ -65,6 +66,7 @@ _PUBLIC = {
     "pareto": "ocp_traj.api:pareto",
     "certify_front": "ocp_traj.api:certify_front",
     "payload": "ocp_traj.api:payload",
+    "compare_fronts": "ocp_traj.results.front_comparison:compare_fronts",
     "register": "ocp_traj.formulation.registry:register",
     "load_run": "ocp_traj.io.run_reader:load_run",
     "save_run": "ocp_traj.io.store:save_run",

@@ -324,6 +324,49 @@ def pareto(
 
 @app.command()
 @one_blas_thread
+def compare(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN ..", help="Run folders of one problem and case.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Draw all fronts here (PNG, PDF or SVG).")
+    ] = None,
+    reference: Annotated[
+        str | None, typer.Option(metavar="A,B[,..]", help="Reference point of all; the problem's own if not given.")
+    ] = None,
+    ideal: Annotated[
+        str | None, typer.Option(metavar="A,B[,..]", help="Ideal point of all; the problem's own if not given.")
+    ] = None,
+    json: AsJson = False,
+) -> None:
+    """Compares the fronts of runs, with one reference and one ideal for all.
+
+    Example: ocp-traj compare runs/a runs/b -o both.png
+    """
+    from ocp_traj.cli.comparison_sheet import comparison_sheet
+    from ocp_traj.io.run_reader import load_run, read_manifest
+    from ocp_traj.results.front_comparison import compare_fronts, require_alike
+
+    if output is not None:
+        from ocp_traj.io.plot import check_picture
+        from ocp_traj.io.plot_fronts import plot_fronts
+
+        check_picture(output)
+        check_writable(output)
+    names = [str(run) for run in runs]
+    if len(set(names)) < len(names):
+        raise InputError(f"{', '.join(names)} name one run twice; give each once")
+    asked = dict(zip(names, map(read_manifest, runs), strict=True))
+    require_alike(asked)
+    traded = tuple(asked[names[0]]["objectives"])
+    corners = [_point(text, traded, what) for text, what in ((reference, "--reference"), (ideal, "--ideal"))]
+    fronts = {name: load_run(run) for name, run in zip(names, runs, strict=True)}
+    compared, problem = compare_fronts(fronts, *corners), fronts[names[0]].problem
+    if output is not None:
+        console.say(f"picture: {plot_fronts(compared, problem, output)}")
+    console.show(comparison_sheet(compared, problem.id), json)
+
+
+@app.command()
+@one_blas_thread
 def payload(
     problem: ProblemName,
     along: Annotated[

@@ -16,6 +16,7 @@ from matplotlib.lines import Line2D
 from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError, quoted
 from ocp_traj.files import write_with
+from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint, Requirements
 from ocp_traj.io.plot_certificate import shade
 from ocp_traj.proof.values import limit_along
@@ -52,9 +53,9 @@ def plot_front(front: Front, path: str | Path) -> Path:
                 continue
             _pair(grid[row, column], front, front.objectives[column], front.objectives[row + 1], published)
             if row == count - 1:
-                grid[row, column].set_xlabel(_quantity(front, front.objectives[column]))
+                grid[row, column].set_xlabel(quantity(front.problem, front.objectives[column]))
             if column == 0:
-                grid[row, column].set_ylabel(_quantity(front, front.objectives[row + 1]))
+                grid[row, column].set_ylabel(quantity(front.problem, front.objectives[row + 1]))
     if front.certificate is not None:
         shade(grid[0, 0], front.certificate, front.objectives[0])
     figure.suptitle(_headline(front), fontsize=10)
@@ -63,7 +64,7 @@ def plot_front(front: Front, path: str | Path) -> Path:
         grid[0, 0].legend(handles, labels, fontsize=8)
     else:
         grid[0, -1].legend(handles, labels, fontsize=9, loc="center", frameon=False)
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 def plot_trajectory(trajectory: Trajectory, requirements: Requirements, path: str | Path) -> Path:
@@ -121,7 +122,7 @@ def plot_trajectory(trajectory: Trajectory, requirements: Requirements, path: st
     whole = f"{trajectory.problem or 'trajectory'}, {trajectory.duration:.4g} s"
     given = ", ".join(f"{name} {value:g}" for name, value in trajectory.parameters.items())
     figure.suptitle(f"{whole}; {given}" if given else whole, fontsize=11)
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 def _pair(axes: Axes, front: Front, first: str, second: str, published: Mapping[str, Mapping[str, float]]) -> None:
@@ -163,8 +164,9 @@ def _headline(front: Front) -> str:
     return f"{front.problem.id}, {front.method}: {len(front)} {noun}, {verdict}"
 
 
-def _quantity(front: Front, name: str) -> str:
-    objective = front.problem.objective(name)
+def quantity(problem: Problem, name: str) -> str:
+    """An objective with its unit, for an axis."""
+    objective = problem.objective(name)
     return f"{name} [{pretty(objective.unit)}]" + (", more is better" if objective.sense == "max" else "")
 
 
@@ -237,7 +239,7 @@ def plot_convergence(histories: Mapping[str, pd.DataFrame], path: str | Path, lo
     axes.set_xlabel("evaluations")
     axes.set_ylabel("best feasible value")
     axes.legend(fontsize=8)
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 def save_history(history: pd.DataFrame, path: str | Path) -> Path:
@@ -247,6 +249,7 @@ def save_history(history: pd.DataFrame, path: str | Path) -> Path:
     return plot_convergence({"best": history}, path)
 
 
-def _save(figure: Figure, path: str | Path) -> Path:
+def save_figure(figure: Figure, path: str | Path) -> Path:
+    """Writes a figure in the format its file name asks for."""
     target, kind = Path(path), check_picture(path)
     return write_with(target, lambda temporary: figure.savefig(temporary, format=kind[1:], dpi=150))
