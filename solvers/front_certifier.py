@@ -32,7 +32,7 @@ from ocp_traj.stopping import stopping
 from ocp_traj.transcription.time_degrees import time_degree
 
 SLACK = 0.05  # of the tolerance: the room left below the front at which the search ends; our choice
-LEAST = 1e-4  # of that room: what a box has to leave to be worth cutting; our choice
+LEAST = 1e-3  # of that room: what a box has to leave to be worth cutting; our choice
 MARGIN = 0.25  # of the range from the front's first point to the reference: how far before it the cells begin, ..
 NEAREST = 0.1  # .. and no nearer to zero than this share of that point: our choices
 ROUNDING = 1e-12  # relative: of volumes, sums of thousands of terms above zero
@@ -73,14 +73,12 @@ class FrontCertifier:
         corner = front.hypervolume(reference).reference
         worst = np.array([corner[name] for name in names])
         attained = _corners(front, names, worst)
-        if not len(attained):
-            raise InputError(f"{problem.id}: the front has no proved point within {dict(corner)} to certify")
-        if not (attained > 0.0).all():
-            raise InputError(f"{problem.id}: {' and '.join(names)} have to be above zero to be certified")
-        volume = float(moocore.hypervolume(attained, ref=worst)) * (1.0 - ROUNDING)
-        first, rows = float(attained[0, 0]), FrontRows(problem, names)
+        if not worst[0] > 0.0:
+            raise InputError(f"{problem.id}: the reference of {names[0]} is {worst[0]:g}; a bound needs one above zero")
+        volume = float(moocore.hypervolume(attained, ref=worst)) * (1.0 - ROUNDING) if len(attained) else 0.0
+        first, rows = max(float(attained[:1, 0].sum()), NEAREST * float(worst[0])), FrontRows(problem, names)
         begin = max(first - MARGIN * (float(worst[0]) - first), NEAREST * first)
-        search = FrontSearch(problem, rows, (begin, float(worst[0])), float(worst[1]), volume)
+        search = FrontSearch(problem, rows, (begin, float(worst[0])), float(worst[1]), volume or 1.0)
         aim = SLACK * self.tolerance
         with stopping(self.max_seconds) as stop:
             while search.open and search.boxes < self.max_boxes and not stop.due and search.room() > aim:

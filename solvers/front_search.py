@@ -29,7 +29,7 @@ from ocp_traj.solvers.ratio_search import all_ratios, halves
 from ocp_traj.transcription.time_degrees import is_total_time, scalar_function, time_degree
 
 CELLS = 2000  # of the first objective's range, in each of which the bound is one number: our choice
-BATCH = 128  # boxes cut in one pass: our choice
+BATCH = 256  # boxes cut in one pass: our choice
 EVEN = 0.1  # weight of the mean relative height of what is left below the front: our choice
 TINY = 1e-6  # of the reference: the least that a height is relative to; our choice
 
@@ -205,16 +205,18 @@ class FrontSearch:
     def _values(self, curves: Curves) -> Array:
         """The least of each curve in each cell, which is at the cell's end ``(N, CELLS)``; at most the reference."""
         values = np.maximum(curves.level[:, None] * self._scale * DOWN, curves.floor[:, None])
-        begun = curves.start[:, None] <= self.edges[1:]
-        return np.where(begun, np.minimum(values, self.worst), self.worst)
+        np.minimum(values, self.worst, out=values)
+        values[curves.start[:, None] > self.edges[1:]] = self.worst
+        return values
 
     def _room(self, values: Array) -> Array:
         """Area below what middles reach, a share of the volume, and a part of its mean height, relative ``(N,)``.
 
         The second has the bound close in all cells, where the second objective is small as well.
         """
-        below = np.maximum(self._aim - values, 0.0)
-        return np.asarray(below.sum(axis=1) * self._area + EVEN * (below / self._span).mean(axis=1))
+        below = self._aim - values
+        np.maximum(below, 0.0, out=below)
+        return np.asarray(below @ (self._area + EVEN / (CELLS * self._span)))
 
     def _starts(self, curves: Curves, values: Array) -> Array:
         """Where each curve starts, infinite for one that is nowhere within the reference point."""
