@@ -172,7 +172,7 @@ def _solve(
         )  # fmt: skip
     if problem.decomposition is not None:
         return _by_parts(
-            problem, problem.decomposition, objective, weights, method, starts, seed, solver, workers, **options
+            problem, problem.decomposition, objective, weights, method, starts, seed, solver, **options
         )
     if method != "exchange":
         found = _population(problem, scalar, method, starts, seed, progress, **options)

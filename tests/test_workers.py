@@ -35,11 +35,11 @@ ID = "tests.test_workers:arm"  # of an own problem that workers can build
 
 
 def arm() -> Problem:
-    return quintic_problem()
+    return replace(quintic_problem(), id=ID)
 
 
 def quintic() -> Problem:
-    return replace(ot.problems.load(ID), id=ID)
+    return ot.problems.load(ID)
 
 
 def job(problem: Problem, **changes: Any) -> Job:

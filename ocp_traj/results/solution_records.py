@@ -78,9 +78,9 @@ def solution_of(found: Mapping[str, Any], problem: Problem, trajectory: bool = T
     assert x is not None
     audit = None if found["audit"] is None else _audit_of(found["audit"])
     instead = found["instead_of"]
+    scalars: Plain = {name: float(found[name]) for name in _FLOATS} | {name: found[name] for name in _PLAIN}
     return Solution(
-        **{name: float(found[name]) for name in _FLOATS},
-        **{name: found[name] for name in _PLAIN},
+        **scalars,
         status=Status[found["status"]],
         x=x,
         objectives={name: float(value) for name, value in found["objectives"].items()},
@@ -89,9 +89,7 @@ def solution_of(found: Mapping[str, Any], problem: Problem, trajectory: bool = T
         bound_multipliers=_vector(found["bound_multipliers"]),
         multipliers=_mapping(found["multipliers"], table),
         slacks=_mapping(found["slacks"], table),
-        conflicts=tuple(
-            Conflict(Row(*row), *map(float, numbers), words=words) for row, *numbers, words in found["conflicts"]
-        ),
+        conflicts=tuple(_conflict(*values) for values in found["conflicts"]),
         instants=tuple(instant_of(entry) for entry in found["instants"]),
         trajectory=trajectory_of(problem, x) if trajectory and audit is not None else None,
         audit=audit,
@@ -101,7 +99,7 @@ def solution_of(found: Mapping[str, Any], problem: Problem, trajectory: bool = T
 
 def instant_of(entry: Mapping[str, Any]) -> Instant:
     """An instant from its plain values."""
-    more = {name: _vector(entry[name]) for name in _VECTORS if name in entry}
+    more: Plain = {name: _vector(entry[name]) for name in _VECTORS if name in entry}
     if "rows" in entry:
         more["rows"] = tuple(entry["rows"])
     if "columns" in entry:
@@ -111,6 +109,10 @@ def instant_of(entry: Mapping[str, Any]) -> Instant:
 
 def _instant(instant: Instant) -> Plain:
     return {name: value for name, value in vars(instant).items() if value is not None}
+
+
+def _conflict(row: Sequence[Any], value: Any, bound: Any, excess: Any, words: str) -> Conflict:
+    return Conflict(Row(*row), float(value), float(bound), float(excess), words)
 
 
 def _values(value: Any, names: Sequence[str]) -> list[Any]:
