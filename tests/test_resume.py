@@ -98,7 +98,7 @@ def test_differences_have_their_places() -> None:
     new = {"limits": {"jerk": 50.0, "velocity": [1.0, 3.0]}, "name": "a", "more": 1}
     assert differences(old, old) == []
     assert differences(old, new) == [
-        "limits.jerk was 60.0 and is 50.0", "limits.velocity[1] was 2.0 and is 3.0", "more was None and is 1"
+        "limits.jerk was 60.0 and is 50.0", "limits.velocity was [1.0, 2.0] and is [1.0, 3.0]", "more was None and is 1"
     ]  # fmt: skip
 
 
@@ -143,5 +143,5 @@ def test_a_task_file_that_has_changed_is_refused_with_the_difference(
     file.write_text(TASK.replace("acceleration = 4.0", "acceleration = 5.0"))
     assert run(["resume", str(folder)]) == 2
     error = capsys.readouterr().err
-    assert error.count("\n") == 1 and "which has changed since: limits.acceleration" in error
+    assert error.count("\n") == 1 and "limits.acceleration was" in error
     assert json.loads((folder / "run.json").read_text()) == asked
