@@ -4,8 +4,8 @@ Results go to stdout, as tables or, with ``--json``, as one JSON object; progres
 0 done and proved; 1 the result is infeasible, violated or undecided, or cannot be written; 2 wrong input, in one line;
 130, 143 and 129 ended by Ctrl-C, SIGTERM and SIGHUP.
 
-One of these signals ends ``solve``, ``pareto`` and ``payload`` within the time of an iteration of IPOPT or of a
-generation: what has been found is shown and written, and one line on stderr says what was left undone. Any other
+One of these signals ends ``solve``, ``pareto``, ``resume`` and ``payload`` within the time of an iteration of IPOPT or
+of a generation: what has been found is shown and written, and one line on stderr says what was left undone. Any other
 command, and the second signal anywhere, ends at once. No file is ever half written.
 
 To import what solves, draws and proves takes seconds: each command imports what it needs, in its body.
@@ -29,7 +29,7 @@ from ocp_traj.cli import console
 from ocp_traj.errors import InputError, OcpTrajError, cut, quoted
 from ocp_traj.files import LONGEST_PATH, check_writable, write_text
 from ocp_traj.solvers import methods
-from ocp_traj.stopping import exit_code, stopping
+from ocp_traj.stopping import stopping
 from ocp_traj.version import __version__
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class _Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            return _interrupted("before there was a result")
+            return console.interrupted("before there was a result")
 
 
 app = typer.Typer(
@@ -71,6 +71,12 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on s
 Options = Annotated[
     list[str] | None,
     typer.Option("--option", metavar="NAME=VALUE", help="Set an option of the method; may be repeated."),
+]
+WorkerCount = Annotated[
+    int, typer.Option(metavar="N", help="Processes that solve; the result does not depend on how many.", min=0)
+]
+ClusterAddress = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler whose workers solve, such as tcp://host:8786.")
 ]
 Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
 
@@ -169,6 +175,8 @@ def solve(
     history: Annotated[
         Path | None, typer.Option(help="Draw (PNG, PDF or SVG) or write (CSV) how a population converged.")
     ] = None,
+    workers: WorkerCount = 0,
+    cluster: ClusterAddress = None,
     json: AsJson = False,
 ) -> int:
     """Solves a problem and proves the result.
@@ -200,7 +208,7 @@ def solve(
         with console.progress("solving") as progress:
             solution = api.solve(
                 chosen, objective=objective, weights=weights, method=method, starts=starts, seed=seed, start=start,
-                all_optima=all_optima, certify=certify, progress=progress, **options,
+                all_optima=all_optima, certify=certify, progress=progress, workers=workers, cluster=cluster, **options,
             )  # fmt: skip
         if chosen.levels is not None and solution.trajectory is not None:
             chosen = solution.trajectory.origin or chosen  # of the level that was reached
@@ -209,7 +217,7 @@ def solve(
         finally:
             console.show(sheets.solution_sheet(chosen, solution), json)
         code = _outcome(solution)
-        return _interrupted(solution.interrupted) if stop.interrupted else code
+        return console.interrupted(solution.interrupted) if stop.interrupted else code
 
 
 @app.command()
@@ -243,6 +251,8 @@ def pareto(
     certify: Annotated[
         bool, typer.Option("--certify", help="Bound what the front leaves out; refused where no bound is known.")
     ] = False,
+    workers: WorkerCount = 0,
+    cluster: ClusterAddress = None,
     force: Annotated[bool, typer.Option(help="Replace an existing run.")] = False,
     json: AsJson = False,
 ) -> int:
@@ -250,10 +260,9 @@ def pareto(
 
     Example: ocp-traj pareto hybrid-spline --objectives time,energy -o runs/a
     """
-    from ocp_traj import api
-    from ocp_traj.cli import sheets
+    from ocp_traj.cli import fronts
     from ocp_traj.io.store import Run, request
-    from ocp_traj.results.pareto_set import ENDED_AFTER
+    from ocp_traj.parallel.choice import workers_for
     from ocp_traj.solvers.front_certifier import require_front_certifiable
 
     chosen = _load(problem, set_)
@@ -279,47 +288,40 @@ def pareto(
         options["points"] = points
     if certify:
         require_front_certifiable(chosen, names)
+    source = None if task is None else {"file": os.path.abspath(problem), "changes": _pairs(set_, "--set")}
     asked = request(
-        chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, certify=certify, options=options
-    )
-    with stopping() as stop:
+        chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, certify=certify, options=options,
+        corners=corners, task=source,
+    )  # fmt: skip
+    with workers_for(chosen, workers, cluster) as hands, stopping() as stop:
         with Run(output, asked, force=force) as kept:
-            try:
-                with console.progress(method) as progress:
-                    front = api.pareto(
-                        chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
-                        found=kept.found, progress=progress, **options,
-                    )  # fmt: skip
-                if certify and len(front) and not stop.interrupted:
-                    with console.progress("certifying") as progress:
-                        front = api.certify_front(front, reference=corners[0], progress=progress)
-                if len(front):
-                    volume = front.hypervolume(*corners)
-                    folder = kept.finish(front, volume)
-                else:
-                    kept.discard()
-            except (OcpTrajError, KeyboardInterrupt):
-                if kept.holds_points:
-                    console.say(f"what was found until then is kept: {output}")
-                raise
-        if not len(front):
-            if stop.interrupted:
-                return _interrupted("before the first point was found; nothing is written")
-            console.say(
-                f"{chosen.id}: {method} found no proved point ({front.info['dropped']}); --keep-unproved keeps the "
-                "others"
-            )
-            return NOT_PROVED
-        console.show(sheets.front_sheet(front, volume, folder), json)
-        for words in sheets.front_remarks(front):
-            console.say(words)
-        console.say(f"run: {folder}\npicture: {folder / 'front.png'}")
-        ended = front.info.get(ENDED_AFTER, "")
-        if stop.interrupted:
-            return _interrupted(f"after {ended}" if ended else "")
-        if ended:
-            console.say(f"the budget ended it after {ended}")
-        return NOT_PROVED if front.info.get("moved") is False else DONE
+            return fronts.trace(chosen, asked, kept, hands, stop, json)
+
+
+@app.command()
+@one_blas_thread
+def resume(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run that was stopped.")],
+    workers: WorkerCount = 0,
+    cluster: ClusterAddress = None,
+    json: AsJson = False,
+) -> int:
+    """Goes on with a front that was stopped, to the front of a run that was not.
+
+    Example: ocp-traj resume runs/a
+    """
+    from ocp_traj.cli import fronts
+    from ocp_traj.io.resume import is_finished, resume_run
+    from ocp_traj.parallel.choice import workers_for
+
+    if is_finished(run):
+        console.say(f"{run} has ended by itself; there is nothing left to do")
+        return DONE
+    found = resume_run(run)
+    with found.run as kept:
+        fronts.say_of(found)
+        with workers_for(found.problem, workers, cluster, found.known) as hands, stopping() as stop:
+            return fronts.trace(found.problem, found.asked, kept, hands, stop, json, found.budget)
 
 
 @app.command()
@@ -410,7 +412,7 @@ def payload(
         finally:
             console.show(sheets.payload_sheet(found), json)
         if stop.interrupted:
-            return _interrupted("" if found.solution is None else found.solution.interrupted)
+            return console.interrupted("" if found.solution is None else found.solution.interrupted)
         return DONE
 
 
@@ -640,12 +642,6 @@ def _outcome(solution: Solution) -> int:
     elif (steps := solution.detail.partition("; by levels: ")[2]) and steps.count(",") > 0:
         console.say(f"by levels: {steps}")
     return _verdict(solution.audit, solution.ok and solution.moved)
-
-
-def _interrupted(words: str) -> int:
-    """Says what was left undone, if anything was; the exit code of that."""
-    console.say(f"interrupted {words or 'when all was done'}")
-    return exit_code()
 
 
 def _load(name: str, assignments: Sequence[str] | None) -> Problem:

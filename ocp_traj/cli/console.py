@@ -14,6 +14,7 @@ import numpy as np
 from ocp_traj import progress as progress_module
 from ocp_traj.errors import cut
 from ocp_traj.files import plain
+from ocp_traj.stopping import exit_code
 
 WIDE = 160  # columns of a table that does not go to a terminal
 LONGEST_MESSAGE = 2000  # [characters]: our choice
@@ -53,6 +54,12 @@ def say(words: str) -> None:
     """Prints a message on stderr, its middle left out where it is very long; one that cannot be written is lost."""
     with suppress(OSError):  # nobody is there to be told
         print(cut(words, LONGEST_MESSAGE), file=sys.stderr, flush=True)
+
+
+def interrupted(words: str) -> int:
+    """Says what was left undone, if anything was; the exit code of that."""
+    say(f"interrupted {words or 'when all was done'}")
+    return exit_code()
 
 
 @contextmanager

@@ -130,7 +130,8 @@ MEANING = {
     "move.begin": "[rad/s, rad/s2], in place of rest.",
     "move.end": "[rad/s, rad/s2], in place of rest.",
     "move.payload": "Such as a part that is gripped.",
-    "objective": "What is minimised: time, work, energy, effort, movement, acceleration, jerk.",
+    "objective": "What is minimised: time, work, energy, effort, movement, acceleration, jerk, tool_path_length, "
+    "tool_speed_uniformity; with obstacles clearance, which is made large.",
     "objective.front": "What `ocp-traj pareto` trades; points 40, reference the task's own without them.",
     "solve": "How hard to look.",
     "solve.starts": "Random starts, the best of which counts.",

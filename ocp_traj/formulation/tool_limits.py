@@ -13,6 +13,7 @@ from ocp_traj.arrays import Array
 from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.formulation.requirements import PathConstraint, State, state_function
 from ocp_traj.formulation.route import Route
+from ocp_traj.formulation.tool_motion import tool_speed_squared
 from ocp_traj.formulation.tool_moves import PAST, ToolMove
 from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.paths.cartesian import CONSTANTS, places, progress, wanted_rotation
@@ -40,7 +41,7 @@ BARRIER, PUSH, TOLERANCE = 1e-4, 1e-4, 1e-6
 
 def tool_speed_limit(robot: Robot, most: float) -> PathConstraint:
     """``tool-speed``: the square of the speed of the tool frame's origin, at all times [m2/s2]."""
-    speed = _speed_squared(robot)
+    speed = tool_speed_squared(robot)
     none, high = np.array([-np.inf]), np.array([most**2])
     return PathConstraint(SPEED, speed, none, high, ("m2/s2",), ("squared",))
 
@@ -73,7 +74,7 @@ def tool_limits(robot: Robot, route: Route, made: Parametrisation) -> list[PathC
         name = CONSTANT + _name(numbers.index(moves[0][0]))
         found.append(
             PathConstraint(
-                name, _speed_squared(robot), np.array([low]), np.array([high]), ("m2/s2",), ("squared",),
+                name, tool_speed_squared(robot), np.array([low]), np.array([high]), ("m2/s2",), ("squared",),
                 segments=_segments(made, legs),
             )
         )  # fmt: skip
@@ -164,8 +165,3 @@ def _group(
         PathConstraint(TILT + name, tilted, none, np.array([1.0 - np.cos(tilt)]), ("-",), ("1 - cos",), **where),
     ]
 
-
-def _speed_squared(robot: Robot) -> Callable[[State], Any]:
-    q, v = casadi.SX.sym("q", robot.size), casadi.SX.sym("v", robot.size)
-    function = casadi.Function("speed", [q, v], [casadi.sumsqr(casadi.jtimes(robot.tool_pose(q)[1], q, v))])
-    return lambda s: function(s.q, s.v)
