@@ -54,7 +54,7 @@ def test_they_are_the_integrals_of_the_tools_speed_and_of_the_square_of_its_deri
 
 
 def test_they_are_made_small() -> None:
-    """The shortest way of the tool is not the quickest motion, and the even one has less of its tangential acceleration."""
+    """The shortest way is not the quickest; nor is the even one, whose tangential acceleration is less."""
     quick = ot.solve(_problem())
     short = ot.solve(_problem(minimise={"time": 0.05, "tool_path_length": 1.0}))
     even = ot.solve(_problem(minimise={"time": 1.0, "tool_speed_uniformity": 1.0}))

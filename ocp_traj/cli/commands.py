@@ -448,7 +448,7 @@ def audit(
         checked = run_audit(moved, read_requirements(limits), allowance=allowed)
     if not checked.rows:
         raise InputError(f"{limits or moved.problem} asks nothing of {trajectory}: nothing is proved; give a limit")
-    console.show(sheets.audit_sheet(checked), json)
+    console.show(sheets.audit_sheet(checked, moved.posed if limits is None else None), json)
     return _verdict(checked)
 
 

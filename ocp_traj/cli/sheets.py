@@ -139,9 +139,13 @@ def _audit_tables(checked: Audit) -> list[Rows]:
     return tables
 
 
-def audit_sheet(checked: Audit) -> Sheet:
-    """The rows of an audit."""
-    return Sheet(audit_values(checked), _audit_tables(checked))
+def audit_sheet(checked: Audit, problem: Problem | None = None) -> Sheet:
+    """The rows of an audit, and what its problem has that they do not say, such as pairs that are not looked at."""
+    notes = () if problem is None else problem.about.notes
+    return Sheet(
+        audit_values(checked) | {"notes": list(notes)},
+        _audit_tables(checked) + ([] if problem is None else _notes(problem)),
+    )
 
 
 def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
