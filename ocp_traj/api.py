@@ -330,14 +330,14 @@ def pareto(
         of IPOPT or of a generation: then ``front.info["interrupted"]`` is true, and ``front.info["ended after"]`` says
         what was done of how much, as it does where the budget was too small.
     """
-    if certify:
-        require_front_certifiable(problem, objectives)
     if not isinstance(workers, Workers):
         with workers_for(problem, workers, cluster) as chosen:
             return pareto(
                 problem, objectives, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
                 certify=certify, output=output, force=force, found=found, progress=progress, workers=chosen, **options,
             )  # fmt: skip
+    if certify:
+        require_front_certifiable(problem, objectives)
     run = partial(
         _pareto, problem, objectives, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
         progress=progress, workers=workers, **options,

@@ -30,6 +30,7 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation
 from ocp_traj.parallel.workers import Workers
 from ocp_traj.progress import Progress, silent
+from ocp_traj.results.indicators import hypervolume_so_far
 from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet
 from ocp_traj.results.records import Found, ignore, of_solve
 from ocp_traj.results.solution import Solution
@@ -153,7 +154,7 @@ class _Trace:
         missing: list[tuple[str, Solution]] = []
         for k, name in enumerate(self.names):
             starts = max(self.tracer.starts, self.problem.tuning.starts)
-            solution = self._from_guesses(self._end(name), starts, self.tracer.seed + k)
+            solution = self._from_guesses(self._end(name), starts, self.tracer.seed + k, f"the best {name}")
             self.work.count(self._end(name), solution)
             if solution.ok:
                 self._add(solution)
@@ -178,10 +179,33 @@ class _Trace:
                 self._add(stand_in)
         self.ended = True
 
-    def _from_guesses(self, scalar: Scalarisation, starts: int, seed: int) -> Solution:
-        many = Multistart(self.tracer.solver, starts, seed, workers=self.tracer.workers, found=self.tracer.found)
+    def _from_guesses(self, scalar: Scalarisation, starts: int, seed: int, words: str) -> Solution:
+        tracer = self.tracer
+
+        def tell(done: int, total: int, _: str) -> None:
+            self._tell(f"{words}, {done} of {total} starts")
+
+        told = silent if tracer.progress is silent else tell
+        many = Multistart(tracer.solver, starts, seed, progress=told, workers=tracer.workers, found=tracer.found)
         solver = many if self.problem.levels is None else ByLevels(many, refine=False)
         return solver.solve(self.problem, scalar)
+
+    def _tell(self, doing: str = "") -> None:
+        """Tells how far it is: points, solves, hypervolume, workers."""
+        if self.tracer.progress is silent:
+            return
+        words = [doing] if doing else []
+        words.append(self.work.words)
+        if (share := hypervolume_so_far(self.values, self.reference, self._best())) is not None:
+            words.append(f"hypervolume {share:.4f}")
+        self.tracer.progress(len(self.solutions), self.tracer.points, ", ".join(words))
+
+    def _best(self) -> Array:
+        """The ideal point, less is better: the problem's own, else that of the points so far."""
+        known = self.problem.ideal_point(self.names)
+        if not known:
+            return np.asarray(self.values.min(axis=0, initial=np.inf))
+        return self.signs * np.array([known[name] for name in self.names])
 
     @property
     def ideal(self) -> dict[str, float]:
@@ -201,7 +225,8 @@ class _Trace:
             other, value = self.names[1 - k], self.values[k, k]
             scalar = EpsilonConstraint(other, {name: float(self.signs[k] * (value + LOSS * span[k]))})
             starts = max(self.tracer.starts, self.problem.tuning.starts)
-            solution = self._from_guesses(scalar, starts, self.tracer.seed + len(self.names) + k)
+            words = f"the best {other} of those"
+            solution = self._from_guesses(scalar, starts, self.tracer.seed + len(self.names) + k, words)
             self.work.count(scalar, solution)
             if (
                 solution.ok
@@ -338,7 +363,7 @@ class _Trace:
                 self._drop()
             elif len(self.names) == 2:
                 new = self._ranked(span)
-        self.tracer.progress(len(self.solutions), self.tracer.points, self._words())
+        self._tell()
         waiting = self.work.waiting
         if len(waiting) >= TOGETHER or sum(one.iterations * one.row_count for one in waiting) > PATIENCE:
             self.work.prove()
@@ -409,10 +434,6 @@ class _Trace:
         self.solutions = [s for s, out in zip(self.solutions, worse.tolist(), strict=True) if not out]
         self.values = self.values[~worse]
         return True
-
-    def _words(self) -> str:
-        last = self.values[-1] * self.signs
-        return ", ".join(f"{name} {value:.6g}" for name, value in zip(self.names, last, strict=True))
 
 
 def _directions(objectives: int, partitions: int) -> Array:

@@ -248,11 +248,11 @@ def pareto(
         typer.Option(metavar="A,B[,..]", help="Ideal point of the hypervolume; the problem's own if not given."),
     ] = None,
     keep_unproved: Annotated[bool, typer.Option(help="Keep points that are not proved.")] = False,
+    workers: WorkerCount = 0,
+    cluster: ClusterAddress = None,
     certify: Annotated[
         bool, typer.Option("--certify", help="Bound what the front leaves out; refused where no bound is known.")
     ] = False,
-    workers: WorkerCount = 0,
-    cluster: ClusterAddress = None,
     force: Annotated[bool, typer.Option(help="Replace an existing run.")] = False,
     json: AsJson = False,
 ) -> int:
@@ -290,8 +290,8 @@ def pareto(
         require_front_certifiable(chosen, names)
     source = None if task is None else {"file": os.path.abspath(problem), "changes": _pairs(set_, "--set")}
     asked = request(
-        chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, certify=certify, options=options,
-        corners=corners, task=source,
+        chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, certify=certify,
+        options=options, corners=corners, task=source,
     )  # fmt: skip
     with workers_for(chosen, workers, cluster) as hands, stopping() as stop:
         with Run(output, asked, force=force) as kept:

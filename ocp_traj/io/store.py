@@ -54,10 +54,10 @@ def request(
                 "options": options or {},
                 "budget": budget,
                 "keep_unproved": keep_unproved,
-                **({"certify": True} if certify else {}),
                 "corners": corners,
                 "task": task,
                 "versions": versions(),
+                **({"certify": True} if certify else {}),
             }
         )
     )

@@ -248,12 +248,10 @@ class Front(Shown):
         if source == GIVEN and not (best < worst).all():
             name = self.objectives[int(np.argmin(best < worst))]
             raise InputError(f"the hypervolume's ideal is not better than its reference in {name!r}; move one of them")
-        size = worst - best
-        value = 0.0
-        if self.points and (size > 0.0).all():  # else no point is better than the reference in every objective
-            scaled = np.maximum((self._costs() - best) / size, 0.0)
-            value = float(moocore.hypervolume(scaled, ref=np.ones(len(worst))))
-        volume = value * float(np.prod(size)) if value else 0.0
+        costs = self._costs() if self.points else np.empty((0, len(worst)))
+        # None: no point is better than the reference in every objective.
+        value = indicators.hypervolume_so_far(costs, worst, best) or 0.0
+        volume = value * float(np.prod(worst - best)) if value else 0.0
         return Hypervolume(value, volume, self._mapping(worst), self._mapping(best), source)
 
     def spread(self) -> float:
