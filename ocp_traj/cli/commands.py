@@ -624,6 +624,8 @@ def _write(solution: Solution, problem: Problem, output: Path | None, plot: Path
         console.say(f"picture: {plot_trajectory(solution.trajectory, problem.requirements, plot)}")
     if history is not None and solution.history is not None:
         console.say(f"history: {save_history(solution.history, history)}")
+    elif history is not None:
+        console.say(f"history: {history} is not written; no population of this run has one")
 
 
 def _outcome(solution: Solution) -> int:
