@@ -6,8 +6,8 @@
 A cell that has ended is a line of JSON in the file RESULTS at once; a run that is stopped goes on where it was, and
 ``--table`` prints what there is. PROBLEM or METHOD may be ``*``. Hypervolumes are shares of the one box that is stated
 for each problem, from its ideal to its reference point, of points that are proved; ``dropped`` are those that are not
-proved or are dominated. A method that gives no front has to say why: its words are then the cell. With ``--cpu`` seconds
-are of the cell's own process, whatever else the machine does.
+proved or are dominated. A method that gives no front has to say why: its words are then the cell. With ``--cpu``
+seconds are of the cell's own process, whatever else the machine does.
 """
 
 from __future__ import annotations
@@ -182,7 +182,13 @@ def table(results: Mapping[Cell, dict[str, Any]]) -> str:
     for kind, methods in (("front", FRONTS), ("solve", SOLVES)):
         for seconds in sorted({cell.seconds for cell in results if cell.kind == kind}):
             some = {cell: one for cell, one in results.items() if (cell.kind, cell.seconds) == (kind, seconds)}
-            lines += ["", f"{kind}, {seconds:g} s", "", f"| | {' | '.join(methods)} |", "|---" * (len(methods) + 1) + "|"]
+            lines += [
+                "",
+                f"{kind}, {seconds:g} s",
+                "",
+                f"| | {' | '.join(methods)} |",
+                "|---" * (len(methods) + 1) + "|",
+            ]
             for name in ROWS:
                 by = {cell.method: _words(one, name) for cell, one in some.items() if cell.problem == name}
                 if by:

@@ -62,9 +62,12 @@ class Archive:
         self.f = np.vstack([self.f[stays], point.f])
         return True
 
-    def nearest(self, f: Array) -> Known:
-        """The point nearest to ``f (objectives,)`` in units of the front's extent."""
-        return self.points[int(np.argmin(np.linalg.norm((self.f - f) / self.extent, axis=1)))]
+    def nearest(self, f: Array) -> Known | None:
+        """The point with a solution that is nearest to ``f (objectives,)`` in units of the front's extent."""
+        solved = [i for i, point in enumerate(self.points) if point.solution is not None]
+        if not solved:
+            return None
+        return self.points[solved[int(np.argmin(np.linalg.norm((self.f[solved] - f) / self.extent, axis=1)))]]
 
     def distances(self, f: Array) -> Array:
         """Of points ``f (N, objectives)`` to the nearest of these, in units of the front's extent; inf for none."""
@@ -87,7 +90,8 @@ class Archive:
             sizes = np.abs(scaled[order[1:]] - scaled[order[:-1]]).prod(axis=1)
         else:
             apart = np.linalg.norm(scaled[:, None] - scaled, axis=2)
-            apart[[[i == j or self._pair(i, j) in self._closed for j in range(len(apart))] for i in range(len(apart))]] = np.inf
+            every = range(len(apart))
+            apart[[[i == j or self._pair(i, j) in self._closed for j in every] for i in every]] = np.inf
             pairs = list(enumerate(apart.argmin(axis=1).tolist()))
             sizes = apart.min(axis=1)
             sizes[~np.isfinite(sizes)] = 0.0

@@ -1,9 +1,9 @@
 """A memetic search for fronts: evolution outside, IPOPT inside, each handing to the other.
 
-The outer search is NSGA-II, NSGA-III or a competitive swarm. Every few generations some individuals are improved by goal
-attainment, proved, and put back among the population, whose descendants they lead on: the best of its first rank where
-they are least crowded, some that are far from all proved points, and between two proved neighbours that are far apart
-what lies there. The hybrid of Ogbemhe et al., ``hmoga``, is the special case of one such stage, at the very end.
+The outer search is NSGA-II, NSGA-III or a competitive swarm. Every few generations some individuals are improved by
+goal attainment, proved, and put back among the population, whose descendants they lead on: the best of its first rank
+where they are least crowded, some that are far from all proved points, and between two proved neighbours that are far
+apart what lies there. The hybrid of Ogbemhe et al., ``hmoga``, is the special case of one such stage, at the very end.
 """
 
 from __future__ import annotations
@@ -127,8 +127,8 @@ class Memetic:
         xs = [*stages.xs, *inside(target, run.best)]
         if not xs and not interrupted and not stop.due:
             raise NoSolutionFound(
-                f"{problem.id}: neither an individual of {self.outer} met every limit in {self.generations} generations "
-                f"of {self.population}, nor did a local solve from one; use trace, which names the limits in conflict"
+                f"{problem.id}: no individual of {self.outer} met every limit in {self.generations} generations of "
+                f"{self.population}, nor did a local solve from one; use trace, which names the limits in conflict"
             )
         seconds = time.perf_counter() - begun
         info |= {
@@ -151,9 +151,7 @@ class Memetic:
     def _algorithm(self, first: Array, objectives: int) -> Any:
         """The outer search, as pymoo has it."""
         if self.outer == "mopso":
-            return CompetitiveSwarm(
-                pop_size=self.population, sampling=first, elite_size=max(10, self.population // 10)
-            )
+            return CompetitiveSwarm(pop_size=self.population, sampling=first, elite_size=max(10, self.population // 10))
         operators = {
             "sampling": first,
             "crossover": SBX(prob=self.crossover, eta=self.crossover_index),

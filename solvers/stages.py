@@ -46,7 +46,15 @@ class Recipe(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class _Aim:
-    """One local solve: from ``x``, towards ``goal`` with ``weights``, less is better; ``near`` lends its multipliers."""
+    """One local solve, from ``x`` towards ``goal`` with ``weights``, less is better.
+
+    Attributes:
+        kind: of what it improves.
+        x: start ``(n,)``.
+        goal, weights: ``(objectives,)``.
+        near: whose instants and multipliers it begins with.
+        pair: the neighbours it lies between.
+    """
 
     kind: str
     x: Array
@@ -195,23 +203,27 @@ class Stages:
         self._tried.add(x.tobytes())
         f, extent = self._f(x), self.archive.extent
         nadir = np.vstack([self.archive.f, f]).max(axis=0)
-        near = self.archive.nearest(f) if self.archive.points else None
-        return _Aim(kind, x, f, np.maximum(nadir - f, LEAST * extent), near if kind != "far" else None)
+        near = None if kind == "far" else self.archive.nearest(f)
+        return _Aim(kind, x, f, np.maximum(nadir - f, LEAST * extent), near)
 
     def _gaps(self) -> Iterator[_Aim]:
         """From what is between two proved neighbours towards the best of both."""
         while (pair := self.archive.gap()) is not None:
             one, other = pair
             self.archive.close(one, other)
-            yield self._between(one, other, pair)
+            yield self._between(one, other)
 
-    def _between(self, one: Known, other: Known, pair: tuple[Known, Known]) -> _Aim:
-        goal = np.minimum(one.f, other.f)
+    def _between(self, one: Known, other: Known) -> _Aim:
+        """From the middle of two of one family, whose objectives lie between theirs; else from one of them."""
+        goal, worst = np.minimum(one.f, other.f), np.maximum(one.f, other.f)
+        if one.solution is None:
+            one, other = other, one
         x = 0.5 * (one.x + other.x)
-        f, worst = self._f(x), np.maximum(one.f, other.f)
+        f = self._f(x)
         alike = bool(((goal <= f) & (f <= worst)).all())
         weights = np.maximum(worst - goal, LEAST * self.archive.extent)
-        return _Aim("gap", x if alike else one.x, goal, weights, one, pair)
+        near = one if one.solution is not None else self.archive.nearest(one.f)
+        return _Aim("gap", x if alike else one.x, goal, weights, near, (one, other))
 
     # --- what comes of it ---
 
@@ -219,8 +231,8 @@ class Stages:
         """One aim; of a gap, where it gains nothing, once more from its other side."""
         solution = self._solve(aim)
         if not self._takes(solution) and aim.pair is not None:
-            one, other = aim.pair
-            solution = self._solve(replace(aim, x=other.x, near=other))
+            other = aim.pair[1]
+            solution = self._solve(replace(aim, x=other.x, near=other if other.solution is not None else None))
         if solution is None or not self._takes(solution):
             return
         point = self._add(solution, new)
