@@ -26,6 +26,11 @@ class Known:
     f: Array
     solution: Solution | None = None
 
+    @property
+    def name(self) -> bytes:
+        """Of its variables, to the last bit."""
+        return self.x.tobytes()
+
 
 class Archive:
     """Points none of which is dominated.
@@ -38,7 +43,7 @@ class Archive:
     def __init__(self, objectives: int, scales: Array) -> None:
         """Begins empty."""
         self.points: list[Known] = []
-        self._scales, self._closed = scales, set[tuple[int, int]]()
+        self._scales, self._closed = scales, set[frozenset[bytes]]()
         self.f = np.empty((0, objectives))
 
     @property
@@ -68,6 +73,12 @@ class Archive:
         if not solved:
             return None
         return self.points[solved[int(np.argmin(np.linalg.norm((self.f[solved] - f) / self.extent, axis=1)))]]
+
+    def drop(self, x: Array) -> None:
+        """Takes a point out again, which is not proved after all."""
+        stays = [point.name != x.tobytes() for point in self.points]
+        self.points = [point for point, keep in zip(self.points, stays, strict=True) if keep]
+        self.f = self.f[stays]
 
     def distances(self, f: Array) -> Array:
         """Of points ``f (N, objectives)`` to the nearest of these, in units of the front's extent; inf for none."""
@@ -102,12 +113,7 @@ class Archive:
 
     def close(self, one: Known, other: Known) -> None:
         """Notes that something was looked for between two points."""
-        self._closed.add(_names(one, other))
+        self._closed.add(frozenset((one.name, other.name)))
 
-    def _pair(self, i: int, j: int) -> tuple[int, int]:
-        return _names(self.points[i], self.points[j])
-
-
-def _names(one: Known, other: Known) -> tuple[int, int]:
-    a, b = sorted((id(one), id(other)))
-    return a, b
+    def _pair(self, i: int, j: int) -> frozenset[bytes]:
+        return frozenset((self.points[i].name, self.points[j].name))

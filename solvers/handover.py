@@ -77,8 +77,8 @@ def handed_over(
             return replace(plain, interrupted=words)
     if not found.ok and plain is None:
         raise NoSolutionFound(
-            f"{problem.id}: no individual of {method} met every limit, and {len(points)} of them lead a local solver to "
-            f"none that does: {found.explain()}"
+            f"{problem.id}: no individual of {method} met every limit, and from {len(points)} of them the local solver "
+            f"found none that does: {found.explain()}"
         )
     if plain is not None:
         found = no_worse_than(problem, scalarisation, found, plain.x, f"the best individual of {method}")

@@ -72,8 +72,8 @@ class Memetic:
     every: int = count(10)
     chosen: int = count(8)
     points: int = count(20, least=0)
-    local_share: float = share(0.7)
-    ends_share: float = share(0.3)
+    local_share: float = share(0.75)
+    ends_share: float = share(0.25)
     far_share: float = share(0.2)
     crossover: float = share(0.9)
     mutation: float | None = share(None)
@@ -108,7 +108,6 @@ class Memetic:
         info["outer"] = self.outer
         if "conflict" in info or ends.interrupted:
             return ParetoSet(ends.xs, "memetic", self.seed, ends.seconds, info, ends.interrupted)
-        info.pop(ENDED_AFTER, None)  # its time was a share
         rng = np.random.default_rng(self.seed)
         handling = "dominated" if self.outer == "mopso" else "feasibility"
         target = PymooProblem(
@@ -116,7 +115,8 @@ class Memetic:
         )
         known = list(ends.xs) or inside(target, np.array([problem.guess(rng)]))
         first = first_generation(target, problem, objectives, known, self.population, self.seeded, rng)
-        stages = Stages(self, problem, objectives, target, ends.xs, rng)
+        complete = ENDED_AFTER not in info and not ends.info["unsolved ends"]
+        stages = Stages(self, problem, objectives, target, ends.xs, complete, rng)
         run = evolve(
             self._algorithm(first, len(objectives)), target, self.generations, self.seed,
             max(stop.deadline - time.perf_counter(), 0.0), self.progress, after=stages.after, found=self.found,
@@ -124,6 +124,7 @@ class Memetic:
         if not run.interrupted and not stop.due:
             stages.last()
         interrupted = stop.tell()
+        info.pop(ENDED_AFTER, None)  # the ends have had their share of the time
         xs = [*stages.xs, *inside(target, run.best)]
         if not xs and not interrupted and not stop.due:
             raise NoSolutionFound(
