@@ -162,6 +162,7 @@ def solve(
             metavar="RUN|FILE", help="Begin at an earlier result, not at random: a trajectory, or a run's best point."
         ),
     ] = None,
+    refine: Annotated[bool, typer.Option(help="Hand the best of a population (pso, ga) to IPOPT.")] = False,
     all_optima: Annotated[bool, typer.Option(help="List every distinct local optimum that a start ends in.")] = False,
     certify: Annotated[
         bool | None,
@@ -204,6 +205,10 @@ def solve(
     for path in targets:
         check_writable(path)
     options = methods.options_from_text(methods.SOLVE, method, _pairs(option, "--option"))
+    if refine:
+        if method == "exchange":
+            raise InputError("--refine hands a population to exchange, which needs none; give --method pso or ga")
+        options["refine"] = True
     with stopping() as stop:
         with console.progress("solving") as progress:
             solution = api.solve(
