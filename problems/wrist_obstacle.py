@@ -39,7 +39,7 @@ from ocp_traj.formulation.surroundings import Surroundings
 from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.problems import wrist
 from ocp_traj.problems.wrist import JOINTS, UNITS
-from ocp_traj.robot.bodies import capsule, sphere
+from ocp_traj.robot import bodies
 from ocp_traj.robot.collision import Obstacle, least_clearance
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.robot import Robot
@@ -137,10 +137,10 @@ def inverse_kinematics(rotation: ArrayLike, position: ArrayLike, case: ElHaiek20
 def surroundings(case: ElHaiek2019) -> Surroundings:
     """Its obstacles and the link, in metres."""
     spheres = [
-        sphere(f"obstacle {i}", 0, UNIT * np.array(place), UNIT * radius)
+        bodies.sphere(f"obstacle {i}", 0, UNIT * np.array(place), UNIT * radius)
         for i, (*place, radius) in enumerate(case.obstacles, 1)
     ]
-    link = capsule("link", 3, np.zeros(3), [0.0, 0.0, UNIT * case.d3], UNIT * case.link_radius)
+    link = bodies.capsule("link", 3, np.zeros(3), [0.0, 0.0, UNIT * case.d3], UNIT * case.link_radius)
     return Surroundings((*spheres, link))
 
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from ocp_traj.problems import wrist_obstacle
 from ocp_traj.reproductions import hybrid_spline
-from ocp_traj.reproductions.comparison import Run
 
 
 def paper_points(problem: str, objectives: Sequence[str]) -> dict[str, dict[str, float]]:
@@ -14,12 +13,11 @@ def paper_points(problem: str, objectives: Sequence[str]) -> dict[str, dict[str,
 
     What a front carries of its own (``front.info["paper"]``) is not looked at here.
     """
-    runs: dict[str, list[Run]] = {"hybrid-spline": hybrid_spline.reported()} if problem == "hybrid-spline" else {}
-    found = {
-        f"paper, {run.method}": {name.split(" [")[0]: value for name, value in run.objectives.items()}
-        for run in runs.get(problem, [])
-    }
-    if problem == "wrist-obstacle":
+    found: dict[str, dict[str, float]] = {}
+    if problem == "hybrid-spline":
+        for run in hybrid_spline.reported():
+            found[f"paper, {run.method}"] = {name.split(" [")[0]: value for name, value in run.objectives.items()}
+    elif problem == "wrist-obstacle":
         words = "paper, GA in the plane, limits not given"
         found[words] = {"time": float(wrist_obstacle.TIME), "fitness": float(wrist_obstacle.FITNESS)}
     return {

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
 from ocp_traj.arrays import Array, Index
+from ocp_traj.curves.bernstein import PiecewiseBezier, derivative_basis
 from ocp_traj.curves.motion import Motion
 from ocp_traj.formulation.clearance import ClearanceConstraint
 from ocp_traj.formulation.requirements import ORDERS, SWEEP, PathConstraint, Requirements
@@ -32,7 +34,7 @@ def limit_samples(motions: Sequence[Motion], requirements: Requirements, limit: 
         for k in range(motion.curve.segments):
             places.append(u)
             segments.append(np.full(len(u), k))
-            states.append(np.concatenate([motion.curve.at(k, u, order).T for order in range(len(ORDERS))]))
+            states.append(_states(motion.curve, k, u))
             parameters.append(np.full(len(u), index))
     at, segment, state = np.concatenate(places), np.concatenate(segments), np.concatenate(states, axis=1)
     p = requirements.parameters_of(motions)[:, np.concatenate(parameters)]
@@ -53,6 +55,19 @@ def limit_samples(motions: Sequence[Motion], requirements: Requirements, limit: 
         found.append(block)
         begin += count * width
     return found
+
+
+def _states(curve: PiecewiseBezier, segment: int, u: Array) -> Array:
+    """Stacked derivatives ``(5 dof, N)`` on a segment."""
+    points, duration = curve.control_points[segment], curve.durations[segment]
+    basis = _basis(len(points) - 1, len(u))
+    return np.concatenate([(basis[:, m] @ points).T / duration**m for m in range(len(ORDERS))])
+
+
+@lru_cache(maxsize=64)
+def _basis(degree: int, count: int) -> Array:
+    """What takes control points to all derivatives at even local times."""
+    return derivative_basis(degree, np.linspace(0.0, 1.0, count), len(ORDERS) - 1)
 
 
 def clearance_samples(motions: Sequence[Motion], limit: ClearanceConstraint) -> list[tuple[Array, Index]]:

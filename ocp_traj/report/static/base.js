@@ -69,6 +69,14 @@ ocp.axis = (more) => ({
 });
 ocp.config = { displaylogo: false, responsive: true, displayModeBar: false, showLink: false, showSendToCloud: false, topojsonURL: "", plotlyServerURL: "" };
 
+// plotly.js, which takes a second to read: run once the page is there and can be used.
+ocp.plotly = () => (ocp.plotlyRead ||= new Promise((done) => setTimeout(() => {
+  const script = document.createElement("script");
+  script.textContent = document.getElementById("plotly").textContent;
+  document.head.append(script);
+  done();
+}, 50)));
+
 ocp.get = (id) => document.getElementById(id);
 
 // An element with attributes and children; text is never read as markup.

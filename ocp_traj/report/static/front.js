@@ -11,19 +11,19 @@ ocp.parts.front = (() => {
       this.element = ocp.get("front");
       const first = sets.find((set) => set.isRun);
       this.names = first ? first.traded : [];
+      this.objectives = this.names.map((name) => first.objectives.find((o) => o.id === name));
       // What can be put into one picture: sets whose points have all the objectives of the first run.
       this.shown = sets.map((set, index) => ({ set, index }))
-        .filter(({ set }) => this.names.every((name) => this._has(set, name)));
+        .filter(({ set }) => this.objectives.every((objective) => this._has(set, objective)));
       this.left = sets.filter((set) => !this.shown.some((one) => one.set === set)).map((set) => set.name);
-      this.objectives = this.names.map((name) => first.objectives.find((o) => o.id === name));
       this.kind = this.names.length > 2 ? "parallel coordinates" : "plot";
       if (this.names.length > 2) this._buttons();
     }
 
     get empty() { return this.names.length < 2; }
 
-    _has(set, name) {
-      const index = set.objectives.findIndex((o) => o.id === name);
+    _has(set, { id, unit }) {
+      const index = set.objectives.findIndex((o) => o.id === id && o.unit === unit);
       return index >= 0 && set.points.every((point) => point.objectives[index] !== null);
     }
 
@@ -50,18 +50,19 @@ ocp.parts.front = (() => {
       return this.draw();
     }
 
-    draw() {
-      if (this.empty) return Promise.resolve();
+    async draw() {
+      if (this.empty) return;
       ocp.get("front-title").textContent = `Front: ${this.names.join(", ")}`;
       ocp.get("front-note").textContent = [
         "Click or tap a point, or use the arrow keys.",
         this.left.length ? `Not drawn here, for want of these objectives: ${this.left.join(", ")}.` : "",
       ].join(" ");
+      await ocp.plotly();
       const made = this.kind === "parallel coordinates" ? this._parallel()
         : this.kind === "3-D" ? this._space()
           : this._plane(this.kind === "plot" ? this.names : this.kind.split(", "));
-      return Plotly.react(this.element, made.traces, made.layout, { ...ocp.config, displayModeBar: false })
-        .then(() => this._listen());
+      await Plotly.react(this.element, made.traces, made.layout, ocp.config);
+      this._listen();
     }
 
     _listen() {

@@ -139,5 +139,6 @@ ocp.parts.main = (() => {
   preferred.addEventListener("change", (event) => theme(event.matches));
   theme(preferred.matches);
   choose(0, sets[0].knee ?? 0);
+  performance.mark("usable"); // everything but the plots is there
   return { state, choose, player, panels, front, scene: () => scene };
 })();

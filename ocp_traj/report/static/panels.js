@@ -55,7 +55,7 @@ ocp.parts.panels = (() => {
         const head = ocp.element("h3", {}, ocp.quantity(panel.title, panel.unit), panel.far);
         return ocp.element("div", { class: "panel" }, head, panel.plot, panel.cursor);
       });
-      for (const old of this.element.querySelectorAll(".plot")) Plotly.purge(old);
+      for (const old of this.element.querySelectorAll(".js-plotly-plot")) Plotly.purge(old);
       ocp.clear(this.element, ...boxes);
     }
 
@@ -83,7 +83,9 @@ ocp.parts.panels = (() => {
       this.point = point;
       this.curve = curve;
       const turn = (this.turn = (this.turn || 0) + 1);
+      await ocp.plotly();
       for (const panel of this.panels) {
+        if (turn !== this.turn) return;
         this._data(panel);
         await Plotly.react(panel.plot, ...this._drawn(panel), ocp.config);
         if (!panel.listening) {
@@ -92,9 +94,8 @@ ocp.parts.panels = (() => {
           panel.plot.on("plotly_afterplot", () => this.show(this.time));
         }
         await new Promise((done) => setTimeout(done));
-        if (turn !== this.turn) return;
       }
-      this.show(this.time);
+      if (turn === this.turn) this.show(this.time);
     }
 
     // Times and values of every row.
