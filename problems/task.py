@@ -39,6 +39,7 @@ from ocp_traj.formulation.requirements import (
 from ocp_traj.formulation.retiming import retiming
 from ocp_traj.formulation.route import Route, exact_points, route_of
 from ocp_traj.formulation.stretches import stretches_of
+from ocp_traj.formulation.surroundings import tool_paths
 from ocp_traj.formulation.task import Task
 from ocp_traj.formulation.task_collision import Clear, collision_notes, with_clearance
 from ocp_traj.formulation.task_file import changed, read_task, task_of, told
@@ -182,7 +183,7 @@ def _posed(task: Task, robot: Robot, route: Route, clear: Clear | None, made: Pa
                 *payload_notes(task), *collision_notes(task.collision),
                 *tool_notes(route, sum(len(v.labels) for v in made.variables), len(made.legs[0])),
             ),
-            figures=tool_figures(robot.size, limits),
+            figures=tool_figures(robot.size, limits), surroundings=lambda: tool_paths(route),
         ),
         tuning=tool_tuning(tuning, route, limits),
     )  # fmt: skip
