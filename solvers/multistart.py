@@ -18,6 +18,7 @@ from ocp_traj.results.optima import distinct, with_sampled
 from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.elastic_exchange import amounts_to_give
 from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.feasible_descent import descends
 from ocp_traj.stopping import STOPS, stopping
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
 
@@ -74,7 +75,12 @@ class Multistart:
         with stopping() as stop:
             try:
                 warm = problem.tuning.warm_start_objective not in ("", *scalarisation.names) and not self.all_optima
-                one_start = self._warm if warm else self._shared(problem, scalarisation, pairs, gives_up)
+                if warm:
+                    one_start = self._warm
+                elif descends(problem, scalarisation) and not self.all_optima:
+                    one_start = self._from_itself
+                else:
+                    one_start = self._shared(problem, scalarisation, pairs, gives_up)
                 for x0 in points:
                     solutions += one_start(problem, scalarisation, x0)
                     done += 1
@@ -116,6 +122,10 @@ class Multistart:
         solution = replace(self.solver, first=first.instants).solve(problem, scalarisation, first.x)
         solution = no_worse_than(problem, scalarisation, solution, x0)
         return [replace(solution, iterations=first.iterations + solution.iterations)]
+
+    def _from_itself(self, problem: Problem, scalarisation: Scalarisation, x0: Array) -> list[Solution]:
+        """One solution, of a start whose first NLP is not looked at on its own."""
+        return [self.solver.solve(problem, scalarisation, x0)]
 
     def _shared(
         self, problem: Problem, scalarisation: Scalarisation, pairs: list[_Pair], gives_up: bool
