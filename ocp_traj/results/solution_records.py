@@ -11,6 +11,7 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
@@ -67,6 +68,7 @@ def of_solution(solution: Solution) -> Plain:
         "instants": [_instant(instant) for instant in solution.instants],
         "audit": None if solution.audit is None else _audit(solution.audit),
         "instead_of": None if solution.instead_of is None else of_solution(solution.instead_of),
+        "history": None if solution.history is None else _table(solution.history),
     }
     return dict(exact(found))
 
@@ -94,6 +96,7 @@ def solution_of(found: Mapping[str, Any], problem: Problem, trajectory: bool = T
         trajectory=trajectory_of(problem, x) if trajectory and audit is not None else None,
         audit=audit,
         instead_of=None if instead is None else solution_of(instead, problem, trajectory=False),
+        history=None if found.get("history") is None else _table_of(found["history"]),
     )
 
 
@@ -130,6 +133,19 @@ def _mapping(column: Sequence[Any], table: Sequence[Row]) -> dict[Row, float]:
 
 def _vector(values: Sequence[Any] | None) -> Array | None:
     return None if values is None else np.array([float(value) for value in values])
+
+
+def _table(table: pd.DataFrame) -> Plain:
+    columns = {str(name): table[name].tolist() for name in table}
+    return {"index": table.index.tolist(), "name": table.index.name, "columns": columns}
+
+
+def _table_of(found: Mapping[str, Any]) -> pd.DataFrame:
+    columns = {
+        name: [float(value) if isinstance(value, str) else value for value in values]
+        for name, values in found["columns"].items()
+    }
+    return pd.DataFrame(columns, index=pd.Index(found["index"], name=found["name"]))
 
 
 def _audit(audit: Audit) -> Plain:
