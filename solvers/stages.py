@@ -168,10 +168,10 @@ class Stages:
     # --- what is handed over ---
 
     def _aims(self, algorithm: Any) -> Iterator[_Aim]:
-        """Individuals, gaps and what is beyond the ends in turn, as long as there are any."""
-        individuals, gaps, beyond = self._individuals(algorithm), self._gaps(), self._beyond()
-        while True:
-            found = [aim for aim in (next(individuals, None), next(gaps, None), next(beyond, None)) if aim is not None]
+        """What is beyond the ends, individuals and gaps in turn, as long as there are any."""
+        individuals = self._individuals(algorithm)
+        while True:  # what is beyond and between changes with every point that is found
+            found = [aim for aim in (self._beyond(), next(individuals, None), self._gap()) if aim is not None]
             if not found:
                 return
             yield from found
@@ -211,12 +211,13 @@ class Stages:
         near = None if kind == "far" else self.archive.nearest(f)
         return _Aim(kind, x, f, np.maximum(nadir - f, LEAST * extent), near)
 
-    def _gaps(self) -> Iterator[_Aim]:
+    def _gap(self) -> _Aim | None:
         """From what is between two proved neighbours towards the best of both."""
-        while (pair := self.archive.gap()) is not None:
-            one, other = pair
-            self.archive.close(one, other)
-            yield self._between(one, other)
+        pair = self.archive.gap()
+        if pair is None:
+            return None
+        self.archive.close(*pair)
+        return self._between(*pair)
 
     def _between(self, one: Known, other: Known) -> _Aim:
         """From the middle of two of one family, whose objectives lie between theirs; else from one of them."""
@@ -230,26 +231,19 @@ class Stages:
         near = one if one.solution is not None else self.archive.nearest(one.f)
         return _Aim("gap", x if alike else one.x, goal, weights, near, (one, other))
 
-    def _beyond(self) -> Iterator[_Aim]:
-        """From each end of what is known outwards: better in its objective, and no more than that worse in others."""
-        tried: set[int] = set()
-        while not self._complete:
-            for k in range(len(self.names)):
-                if not self.archive.points:
-                    return
-                end = self.archive.points[int(np.argmin(self.archive.f[:, k]))]
-                size = np.abs(end.f) if len(self.archive.points) == 1 else self.archive.extent
-                step = np.maximum(STEP * size, LEAST * self.target.scales)
-                goal = end.f.copy()
-                goal[k] -= step[k]
-                if end.name in self._ended[k] or (goal + step > self.target.worst)[np.arange(len(goal)) != k].any():
-                    tried.add(k)
-                    continue
+    def _beyond(self) -> _Aim | None:
+        """From an end of what is known outwards: better in its objective, and no more than that worse in the others."""
+        for k in range(0 if self._complete or not self.archive.points else len(self.names)):
+            end = self.archive.points[int(np.argmin(self.archive.f[:, k]))]
+            size = np.abs(end.f) if len(self.archive.points) == 1 else self.archive.extent
+            step, goal = np.maximum(STEP * size, LEAST * self.target.scales), end.f.copy()
+            goal[k] -= step[k]
+            others = np.arange(len(goal)) != k
+            step[others] = np.minimum(step, self.target.worst - goal)[others]
+            if end.name not in self._ended[k] and (step > LEAST * size).all():
                 self._ended[k].add(end.name)
-                tried.discard(k)
-                yield _Aim("beyond", end.x, goal, step, end if end.solution is not None else None)
-            if len(tried) == len(self.names):
-                return
+                return _Aim("beyond", end.x, goal, step, end if end.solution is not None else None)
+        return None
 
     # --- what comes of it ---
 
