@@ -18,6 +18,7 @@ from ocp_traj.results.alternatives import best_front
 from ocp_traj.results.front import Front
 from ocp_traj.results.pareto_set import ParetoSet
 from ocp_traj.results.trajectory import audit_points
+from ocp_traj.solvers.aims import STEP, Aim, Aims
 from ocp_traj.solvers.archive import Archive, Known
 from ocp_traj.solvers.ga import GA
 from ocp_traj.solvers.memetic import OUTER, Memetic
@@ -137,12 +138,24 @@ def test_three_objectives() -> None:
     assert front.info["refined individuals"]["alive a generation later"] > 0
 
 
-def test_without_ends_it_goes_outwards_from_what_is_known() -> None:
-    """No time for the ends: what is beyond the points that are known is looked for from these."""
+def test_beyond_each_end_is_looked_once_and_not_past_the_reference() -> None:
+    """From T = 2.5 and 3.9 outwards, in time and in effort; effort's end may be 0.1 s slower, to the reference at 4."""
     problem = quintic_problem()
-    found = Memetic(0, ends_share=0.0, max_seconds=2.0, generations=10**5).pareto(problem, PAIR)
-    assert found.info["ends"]["points"] == 0 and found.info["solves of"]["beyond"] > 0
-    assert proved(problem, PAIR, found).ideal["time"] == pytest.approx(Quintic().least_time, rel=1e-3)
+    target = PymooProblem(problem, PAIR, 5)
+
+    def looked(complete: bool) -> list[Aim]:
+        archive = Archive(2, target.scales)
+        aims = Aims(archive, target, 0.2, complete, np.random.default_rng(0))
+        assert aims.beyond() is None  # of nothing
+        for t in (2.5, 3.9):
+            archive.add(Known(np.array([t]), aims.values(np.array([t]))))
+        return list(iter(aims.beyond, None))
+
+    assert looked(complete=True) == []
+    fast, slow = looked(complete=False)
+    assert (fast.x[0], slow.x[0]) == (2.5, 3.9)
+    assert fast.goal[0] == pytest.approx(2.5 - STEP * 1.4) and fast.weights[0] == pytest.approx(STEP * 1.4)
+    assert slow.goal[1] < 0.999 * problem.reference_point["effort"] and slow.weights[0] == pytest.approx(0.1)
 
 
 def test_ctrl_c_keeps_what_there_is() -> None:
