@@ -14,7 +14,8 @@ from ocp_traj.solvers.archive import Archive, Known
 from ocp_traj.solvers.refinement import LEAST
 from ocp_traj.transcription.symbolic import evaluate_objectives
 
-STEP = 0.3  # of the front's extent, or of an only point's values, by which one goes beyond an end; our choice
+# Of the front's extent, and of an only point's values, by which one goes beyond an end; our choice.
+STEP, FIRST = 1.0, 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,8 +132,8 @@ class Aims:
         """From an end of what is known outwards: better in its objective, and no more than that worse in the others."""
         for k in range(0 if self._complete or not self.archive.points else self.target.n_obj):
             end = self.archive.points[int(np.argmin(self.archive.f[:, k]))]
-            size = np.abs(end.f) if len(self.archive.points) == 1 else self.archive.extent
-            step, goal = np.maximum(STEP * size, LEAST * self.target.scales), end.f.copy()
+            size = FIRST * np.abs(end.f) if len(self.archive.points) == 1 else STEP * self.archive.extent
+            step, goal = np.maximum(size, LEAST * self.target.scales), end.f.copy()
             goal[k] -= step[k]
             others = np.arange(len(goal)) != k
             step[others] = np.minimum(step, self.target.worst - goal)[others]

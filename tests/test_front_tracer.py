@@ -247,7 +247,9 @@ def test_progress_is_told_after_every_start_and_every_point() -> None:
     t = np.sort(np.array(found.xs).ravel())
     c = Quintic().effort_constant
     share = hypervolume(np.column_stack([t, c / t**3]), (t[0], c / t[-1] ** 3), (4.0, 100.0))
-    assert told[-1][2] == f"{found.info['solves'] - 3} solves, 0 failed, hypervolume {share:.4f}"  # 3 are not yet proved
+    assert (
+        told[-1][2] == f"{found.info['solves'] - 3} solves, 0 failed, hypervolume {share:.4f}"
+    )  # 3 are not yet proved
 
 
 # --- hybrid-spline ---
