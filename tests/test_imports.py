@@ -20,10 +20,11 @@ LAYERS = (
     "transcription",
     "results",
     "evolution",
+    "parallel",
     "solvers",
     "io",
     "api",
-    "reproductions",
+    "reproductions report",
     "cli",
     "__main__ __init__",
 )

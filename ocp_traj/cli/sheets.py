@@ -271,6 +271,8 @@ def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
         "run": str(folder),
         "picture": str(folder / "front.png"),
     }
+    if front.certificate is not None:
+        data["certificate"] = front.certificate.to_dict()
     own = " (from its own ideal: not comparable)" if volume.own_ideal else ""
     title = (
         f"{front.problem.id}: {len(front)} proved points by {front.method} in {front.seconds:.1f} s; "
@@ -281,6 +283,8 @@ def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
 
 def front_remarks(front: Front) -> Iterator[str]:
     """What a reader of a front should not overlook."""
+    if front.certificate is not None:
+        yield front.certificate.explain()
     if front.info.get("moved") is False:
         yield f"{front.method} found nothing better than its first generation, which is what this front is made of"
     if front.info.get("conflict") is False:
