@@ -16,12 +16,13 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias bench-scenes coverage lint clean
+.PHONY: help front test test-slow test-browser kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias bench-scenes coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
 	@echo "make test       install with the test tools, run the default tests"
 	@echo "make test-slow  the slow tests"
+	@echo "make test-browser the page of ocp-traj report in Chromium; skipped tests are named where there is none"
 	@echo "make kill       a front killed at 20 random moments: nothing finished is lost"
 	@echo "make fuzz       2000 mutated files, and 2000 tasks: what is proved of them holds, none ends in a traceback"
 	@echo "make fuzz-clearance 2000 random motions past random bodies: no proof and no violation that a scan contradicts; minutes"
@@ -48,6 +49,10 @@ test: $(VENV)/.installed-dev
 # In the order of their files: the longest have the fewest tests, and would come last.
 test-slow: $(VENV)/.installed-dev
 	$(PYTEST) --no-loadscope-reorder -m slow
+
+# In one process: they share a browser.
+test-browser: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -m browser -rs
 
 kill: $(VENV)/.installed-dev
 	$(BIN)/python benchmarks/kill.py
