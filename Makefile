@@ -16,7 +16,7 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow test-browser kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias bench-scenes coverage lint clean
+.PHONY: help front test test-slow test-browser kill resume-kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias bench-workers bench-scenes bench-guo coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
@@ -24,6 +24,7 @@ help:
 	@echo "make test-slow  the slow tests"
 	@echo "make test-browser the page of ocp-traj report in Chromium; skipped tests are named where there is none"
 	@echo "make kill       a front killed at 20 random moments: nothing finished is lost"
+	@echo "make resume-kill a front killed at 10 random moments and gone on with, without workers and with two: the same bytes"
 	@echo "make fuzz       2000 mutated files, and 2000 tasks: what is proved of them holds, none ends in a traceback"
 	@echo "make fuzz-clearance 2000 random motions past random bodies: no proof and no violation that a scan contradicts; minutes"
 	@echo "make coverage   all tests, with their coverage"
@@ -33,6 +34,8 @@ help:
 	@echo "make bench-ruckig random moves of a UR5 beside Ruckig's optimum: durations, proofs, seconds; minutes"
 	@echo "make bench-toppra random paths of a UR5 beside TOPP-RA: durations, proofs, excess, seconds; ten minutes"
 	@echo "make bench-clearance a proof of clearances beside coal at 10 000 instants; some 10 s"
+	@echo "make bench-guo Guo's 100 random starts by SLSQP and by IPOPT: costs, iterations, seconds; two minutes"
+	@echo "make bench-workers what two and four workers save, by a clock of its own; half an hour"
 	@echo "make bench-vias what 10, 100 and 1000 via points cost; minutes"
 	@echo "make bench-scenes SCENES=FOLDER problems of MotionBenchMaker in clutter beside OMPL and TOPP-RA; hours, and goes on"
 	@echo "                where it was stopped"
@@ -56,6 +59,9 @@ test-browser: $(VENV)/.installed-dev
 
 kill: $(VENV)/.installed-dev
 	$(BIN)/python benchmarks/kill.py
+
+resume-kill: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.resume_kill
 
 fuzz: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.fuzz
@@ -88,8 +94,14 @@ bench-toppra: $(VENV)/.installed-dev
 bench-clearance: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.clearances
 
+bench-guo: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.guo_starts $(OPTIONS)
+
 bench-vias: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.via_points
+
+bench-workers: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.workers
 
 bench-scenes: $(VENV)/.installed-dev
 ifeq ($(SCENES),)

@@ -19,9 +19,12 @@ from ocp_traj.formulation.scalarise import Scalarisation, WeightedSum, check_nam
 from ocp_traj.formulation.task import Task
 from ocp_traj.io.start_file import earlier_results
 from ocp_traj.io.store import Run, request
+from ocp_traj.parallel.choice import workers_for
+from ocp_traj.parallel.workers import Workers
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.alternatives import best_front
-from ocp_traj.results.front import Front
+from ocp_traj.results.front import Front, Point
+from ocp_traj.results.histories import histories
 from ocp_traj.results.limit_gains import limit_gains
 from ocp_traj.results.pareto_set import ENDED_AFTER, proved_front
 from ocp_traj.results.records import Found, Record, ignore
@@ -33,6 +36,7 @@ from ocp_traj.solvers import methods
 from ocp_traj.solvers.branch_and_bound import BranchAndBound, is_certifiable, require_certifiable
 from ocp_traj.solvers.by_levels import ByLevels, finest
 from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.front_certifier import FrontCertifier, require_front_certifiable
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.payload import OBJECTIVE as PAYLOAD_MASS
 from ocp_traj.solvers.payload import LargestPayload, along, static_bound, within
@@ -69,6 +73,8 @@ def solve(
     solver: Exchange | None = None,
     certify: bool | None = None,
     progress: Progress = silent,
+    workers: int | Workers = 0,
+    cluster: str | None = None,
     **options: Any,
 ) -> Solution:
     """Solves a problem for one objective or a weighted sum, and proves the result.
@@ -89,6 +95,8 @@ def solve(
         certify: whether to prove global optimality by branch and bound, and to look for a better optimum where that
             fails; by default where it applies, which is to what exchange finds for the shortest time of few durations.
         progress: told how far it is.
+        workers: processes of this machine that solve, each a start; what is found does not depend on how many.
+        cluster: address of a Dask scheduler whose workers solve, in place of them.
         options: fields of the method's class, such as ``population`` of ``pso`` and ``ga``.
 
     Returns:
@@ -101,10 +109,16 @@ def solve(
         KeyboardInterrupt: after Ctrl-C before the first start has ended; later on the best so far is returned, and its
             ``interrupted`` says what was left undone. It takes the time of an iteration of IPOPT, or of a generation.
     """
+    if not isinstance(workers, Workers):
+        with workers_for(problem, workers, cluster) as chosen:
+            return solve(
+                problem, objective=objective, weights=weights, method=method, starts=starts, seed=seed, start=start,
+                all_optima=all_optima, solver=solver, certify=certify, progress=progress, workers=chosen, **options,
+            )  # fmt: skip
     with stopping() as stop:
         found = _solve(
             problem, objective=objective, weights=weights, method=method, starts=starts, seed=seed, start=start,
-            all_optima=all_optima, solver=solver, certify=certify, progress=progress, **options,
+            all_optima=all_optima, solver=solver, certify=certify, progress=progress, workers=workers, **options,
         )  # fmt: skip
         return replace(found, interrupted=found.interrupted or "at its very end") if stop.tell() else found
 
@@ -112,7 +126,7 @@ def solve(
 def _solve(
     problem: Problem, *, objective: str | None, weights: Mapping[str, float] | None, method: str, starts: int | None,
     seed: int, start: Trajectory | str | Path | None, all_optima: bool, solver: Exchange | None, certify: bool | None,
-    progress: Progress, **options: Any,
+    progress: Progress, workers: Workers, **options: Any,
 ) -> Solution:  # fmt: skip
     if start is not None:
         _check_start(problem, method, starts, all_optima)
@@ -130,7 +144,8 @@ def _solve(
             try:
                 solved[name] = solve(
                     alternative, objective=objective, weights=weights, method=method, starts=starts, seed=seed,
-                    all_optima=all_optima, solver=solver, certify=certify, progress=progress, **options,
+                    all_optima=all_optima, solver=solver, certify=certify, progress=progress, workers=workers,
+                    **options,
                 )  # fmt: skip
             except KeyboardInterrupt as reason:
                 if not solved:
@@ -157,6 +172,7 @@ def _solve(
             conflicts=conflicts, detail="broken at an end, whatever the variables", starts=0,
         )  # fmt: skip
     if problem.decomposition is not None:
+        # In this process, whatever the workers: parts are no problems that another one could build again by an id.
         return _by_parts(problem, problem.decomposition, objective, weights, method, starts, seed, solver, **options)
     if method != "exchange":
         found = _population(problem, scalar, method, starts, seed, progress, **options)
@@ -165,7 +181,7 @@ def _solve(
             raise InputError(f"give a solver or its options ({', '.join(options)}), not both")
         each, all_ = (progress, silent) if starts == 1 else (silent, progress)
         one_start = solver or methods.configured(methods.SOLVE, method, progress=each, **options)
-        many = Multistart(one_start, starts, seed, all_optima, all_)
+        many = Multistart(one_start, starts, seed, all_optima, all_, workers)
         if start is not None:
             given = [start] if isinstance(start, Trajectory) else earlier_results(start)
             source = "the trajectory" if isinstance(start, Trajectory) else str(start)
@@ -269,6 +285,7 @@ def _by_parts(
         audit=found,
         detail=f"{len(parts)} parts solved alone and put together: not an optimum of the whole",
         interrupted="; ".join(f"{p.interrupted} of {p.name}" for p in parts if p.interrupted),
+        history=histories({p.about.title: s.history for p, s in zip(recipe.parts, parts, strict=True)}),
     )
 
 
@@ -281,10 +298,13 @@ def pareto(
     seed: int = 0,
     budget: float | None = None,
     keep_unproved: bool = False,
+    certify: bool = False,
     output: str | Path | None = None,
     force: bool = False,
     found: Found = ignore,
     progress: Progress = silent,
+    workers: int | Workers = 0,
+    cluster: str | None = None,
     **options: Any,
 ) -> Front:
     """Approximates a Pareto front, and proves every point of it.
@@ -296,10 +316,13 @@ def pareto(
         seed: of everything random.
         budget: stop after this time [s] with what is there; to prove that takes a little longer.
         keep_unproved: whether points stay that are not proved, even slowed down.
+        certify: whether to bound what the front leaves out; see ``certify_front``. Refused at once where it cannot be.
         output: folder to write the run to, as ``ocp-traj pareto -o`` does: what is finished is on the disk at once.
         force: whether a run that is there is replaced.
         found: given a record of each finished solve, or of a population now and then.
         progress: told how far it is.
+        workers: processes of this machine that solve; the front does not depend on how many, unless a budget ends it.
+        cluster: address of a Dask scheduler whose workers solve, in place of them.
         options: fields of the method's class, such as ``points`` of trace and ``population`` of nsga2.
 
     Returns:
@@ -307,15 +330,31 @@ def pareto(
         of IPOPT or of a generation: then ``front.info["interrupted"]`` is true, and ``front.info["ended after"]`` says
         what was done of how much, as it does where the budget was too small.
     """
+    if not isinstance(workers, Workers):
+        with workers_for(problem, workers, cluster) as chosen:
+            return pareto(
+                problem, objectives, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
+                certify=certify, output=output, force=force, found=found, progress=progress, workers=chosen, **options,
+            )  # fmt: skip
+    if certify:
+        require_front_certifiable(problem, objectives)
     run = partial(
         _pareto, problem, objectives, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
-        progress=progress, **options,
+        progress=progress, workers=workers, **options,
     )  # fmt: skip
     with stopping():
         if output is None:
-            return run(found=found)
+            front = run(found=found)
+            return certify_front(front, progress=progress) if certify and not current().interrupted else front
         asked = request(
-            problem, objectives, method, seed=seed, budget=budget, keep_unproved=keep_unproved, options=options
+            problem,
+            objectives,
+            method,
+            seed=seed,
+            budget=budget,
+            keep_unproved=keep_unproved,
+            certify=certify,
+            options=options,
         )
         with Run(output, asked, force=force) as kept:
 
@@ -324,6 +363,8 @@ def pareto(
                 found(record)
 
             front = run(found=keep)
+            if certify and len(front) and not current().interrupted:
+                front = certify_front(front, progress=progress)
             if len(front):
                 kept.finish(front)
             else:
@@ -331,9 +372,27 @@ def pareto(
         return front
 
 
+def certify_front(
+    front: Front, *, reference: Point | None = None, tolerance: float = 0.01, max_seconds: float = 60.0,
+    progress: Progress = silent,
+) -> Front:  # fmt: skip
+    """The front with ``front.certificate``: a lower staircase that no trajectory is below, and the gap to its points.
+
+    Where ``BranchAndBound`` applies, for an objective that grows with time and one that does not, each a power of time.
+
+    Args:
+        front: whose proved points count, as many as there are and nothing between them.
+        reference: worst values worth having, per objective; by default the problem's reference point.
+        tolerance: gap, as a share of the hypervolume above the lower staircase, that counts as certified.
+        max_seconds: stop after this time, with what holds by then.
+        progress: told after each pass.
+    """
+    return FrontCertifier(tolerance, max_seconds=max_seconds, progress=progress).certify(front, reference)
+
+
 def _pareto(
     problem: Problem, objectives: Sequence[str], *, method: str, seed: int, budget: float | None, keep_unproved: bool,
-    found: Found, progress: Progress, **options: Any,
+    found: Found, progress: Progress, workers: Workers, **options: Any,
 ) -> Front:  # fmt: skip
     if len(objectives) < 2 or len(set(objectives)) != len(objectives):
         raise InputError(f"a front trades two or more different objectives; got {cut(', '.join(objectives)) or 'none'}")
@@ -351,12 +410,13 @@ def _pareto(
             {
                 name: partial(
                     pareto, alternative, objectives, method=method, seed=seed, keep_unproved=keep_unproved,
-                    found=partial(_of_alternative, found, name), progress=progress, **options,
+                    found=partial(_of_alternative, found, name), progress=progress, workers=workers, **options,
                 )
                 for name, alternative in problem.alternatives.items()
             },
             budget,
         )  # fmt: skip
+    options |= methods.workers_option(methods.FRONT, method, workers)
     chosen: FrontMethod = methods.configured(
         methods.FRONT, method, seed=seed, progress=progress, found=found, **options
     )
@@ -367,7 +427,7 @@ def _pareto(
         )
     if method == "trace" and problem.levels is not None and problem.levels.finer is not None:
         # All points share one discretisation: the one that the default objective gains by.
-        many = Multistart(Exchange(), max(2, problem.tuning.starts), seed)
+        many = Multistart(Exchange(), max(2, problem.tuning.starts), seed, workers=workers, found=found)
         problem = finest(problem, ByLevels(many, progress=progress).solve(problem, scalarisation(problem, None, None)))
     xs = chosen.pareto(problem, objectives)
     interrupted = current().tell()

@@ -1,7 +1,8 @@
 """A user's own robot and path: the problem of a task file, ``ocp-traj/task/1``.
 
 Decision variables  of the task's curve: durations, and states at knots; the payload's mass where it is freed
-Objectives          time, work, energy, effort, movement, acceleration, jerk; a weighted sum of them
+Objectives          time, work, energy, effort, movement, acceleration, jerk, length and evenness of the tool's path,
+                    clearance; a weighted sum of them
 Subject to          the limits of the task, rest or given derivatives at the ends, its points
 """
 
@@ -45,7 +46,7 @@ from ocp_traj.formulation.task_file import changed, read_task, task_of, told
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_payload import carried, payload_notes
 from ocp_traj.formulation.task_resolution import resolve
-from ocp_traj.formulation.task_starts import with_start
+from ocp_traj.formulation.task_starts import stops_at_corners, with_start
 from ocp_traj.formulation.tool_limits import enough_pieces, tool_limits, tool_speed_limit, tool_tuning
 from ocp_traj.formulation.tool_words import tool_figures, tool_notes
 from ocp_traj.formulation.tuning import Tuning
@@ -109,11 +110,14 @@ def _problem(task: Task) -> Problem:
     if rest > degree // 2:
         raise InputError(f"{task.name}: [curve] rest is {rest}; {kind} segments hold up to {degree // 2}")
 
+    # Straight edges with a stop at each corner take pieces of a duration each.
+    even = clear is None or bool(route.tool_moves) or not stops_at_corners(task, clear.constraints)
+
     def parametrised(count: int) -> Parametrisation:
         return knot_states(
-            route.points, robot.limits, degree=degree, pieces=count, rest=rest, stops=route.stops, dwells=route.dwells,
-            via_tolerance=route.tolerance, start=route.begin, end=route.end, joints=robot.joints, units=robot.units,
-            stretches=stretches,
+            route.points, robot.limits, degree=degree, pieces=count, even=even, rest=rest, stops=route.stops,
+            dwells=route.dwells, via_tolerance=route.tolerance, start=route.begin, end=route.end, joints=robot.joints,
+            units=robot.units, stretches=stretches,
         )  # fmt: skip
 
     enough = enough_pieces(robot, route, parametrised) if route.tool_moves else 1

@@ -13,7 +13,9 @@ from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.starts import Start, levels_to
+from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.multistart import Multistart, best_of
+from ocp_traj.solvers.starts import solved_from
 from ocp_traj.stopping import STOPS, current
 
 
@@ -72,17 +74,17 @@ class ByLevels:
         return replace(
             best, detail=best.detail + levels, seconds=time.perf_counter() - begun,
             iterations=sum(s.iterations for _, s in found), starts=found[0][1].starts,
-            interrupted=best.interrupted or interrupted,
+            interrupted=best.interrupted or interrupted, key="",
         )  # fmt: skip
 
     def _from(self, chain: Sequence[Problem], x: Array, scalarisation: Scalarisation) -> Solution:
         """From given variables of the first problem: in their neighbourhood, and from there as from a random start."""
         solver = self.starts.solver
         near = replace(solver, solver=solver.solver.near_start())
-        tries = [near.solve(chain[0], scalarisation, x)]
+        tries = [self._solved(chain[0], near, scalarisation, x)]
         if not _is_proved(tries[0]):
-            tries.append(solver.solve(chain[0], scalarisation, x))
-        return replace(best_of(tries), starts=1)
+            tries.append(self._solved(chain[0], solver, scalarisation, x))
+        return replace(best_of(tries), starts=1, key="")
 
     def _level(
         self, problem: Problem, scalarisation: Scalarisation, coarser: Solution | None, *, cold: bool = True
@@ -91,10 +93,14 @@ class ByLevels:
         tries: list[Solution] = []
         if coarser is not None and coarser.ok and problem.levels is not None:
             near = replace(self.starts.solver, solver=self.starts.solver.solver.near_start())
-            tries.append(near.solve(problem, scalarisation, problem.levels.prolong(coarser.x)))
+            tries.append(self._solved(problem, near, scalarisation, problem.levels.prolong(coarser.x)))
         if not tries or (cold and not _is_proved(tries[0])):
             tries.append(self.starts.solve(problem, scalarisation))
         return best_of(tries)
+
+    def _solved(self, problem: Problem, solver: Exchange, scalarisation: Scalarisation, x: Array) -> Solution:
+        """One solve from ``x (n,)``, as a job."""
+        return solved_from(problem, solver, scalarisation, x, self.starts.workers, self.starts.found)
 
 
 def _finer(problem: Problem) -> Problem | None:

@@ -28,21 +28,26 @@ from ocp_traj.evolution.population import Population
 from ocp_traj.formulation.case import check, count
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation
+from ocp_traj.parallel.workers import Workers
 from ocp_traj.progress import Progress, silent
+from ocp_traj.results.indicators import hypervolume_so_far
 from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet
 from ocp_traj.results.records import Found, ignore, of_solve
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.trajectory import audit_points
 from ocp_traj.solvers.by_levels import ByLevels
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.solvers.multistart import Multistart, best_of
+from ocp_traj.solvers.multistart import Multistart
+from ocp_traj.solvers.waves import Begun, Request, Solves
 from ocp_traj.stopping import STOPS, stopping
 from ocp_traj.transcription.nlp import Status
 from ocp_traj.transcription.symbolic import evaluate_objectives
 
 SAME = 1e-9  # of the front's extent: points closer than this in every objective are one; our choice
 REFINEMENTS = 4  # how many finer lattices are tried where the first one leaves points to be had: our choice
-TOGETHER, PATIENCE = 8, 2.0  # points, and seconds, after which those that wait are proved: our choice
+# Points that wait to be proved, and their iterations times rows, some 2 s of work, after which they are: our choice.
+# With the clock the front would depend on the machine.
+TOGETHER, PATIENCE = 8, 2e5
 FLAT = 1e-7  # relative: ends closer than this are one point; our choice, far above what back-off and solver leave open
 # Of the front's extent: what an end may lose in its own objective, room that an interior point needs, and what it must
 # gain in the other for that; our choice.
@@ -60,6 +65,7 @@ class FrontTracer:
         starts: random starts at each end of the front, where nothing is known yet.
         seed: of those starts.
         max_seconds: stop after this, in the middle of a point, with those that are there.
+        workers: who solves; the front does not depend on it.
         progress: told after each point.
         found: given a record of each solve.
     """
@@ -69,6 +75,7 @@ class FrontTracer:
     starts: int = count(2)
     seed: int = 0
     max_seconds: float = np.inf
+    workers: Workers = field(default_factory=Workers)
     progress: Progress = silent
     found: Found = ignore
 
@@ -90,16 +97,16 @@ class FrontTracer:
                 if len(objectives) == 2 and problem.tuning.starts > 1:
                     trace.sharpen()
                 trace.fill() if len(objectives) == 2 else trace.lattice()
-                trace.prove()
+                trace.work.prove()
                 complete = True
             except STOPS as reason:
                 stop.take(reason)
-                trace.prove()
+                trace.work.prove(again=False)
             interrupted = not complete and stop.tell()
         info: dict[str, Any] = {
-            "solves": trace.solves,
-            "iterations": trace.iterations,
-            "failed": trace.failed,
+            "solves": trace.work.solves,
+            "iterations": trace.work.iterations,
+            "failed": trace.work.failed,
             "unsolved ends": trace.unsolved,
         }
         if not trace.conflict:
@@ -112,6 +119,16 @@ class FrontTracer:
         return ParetoSet(xs, "trace", self.seed, time.perf_counter() - begun, info, interrupted)
 
 
+@dataclass(frozen=True)
+class _Gap:
+    """Two neighbours on a front of two objectives, their values of the first, and the extent of the front."""
+
+    one: Solution
+    other: Solution
+    ends: tuple[float, float]
+    extent: bytes
+
+
 class _Trace:
     """One run of the tracer: the solutions so far and their objective values, less is better."""
 
@@ -122,10 +139,9 @@ class _Trace:
         self.reference = np.array(
             [s * problem.reference_point.get(n, s * np.inf) for s, n in zip(self.signs, objectives, strict=True)]
         )
+        self.work = Solves(problem, tracer.solver, tracer.workers, tracer.found)
         self.solutions: list[Solution] = []
-        self.waiting: list[tuple[float, Scalarisation, Solution]] = []  # since when, what was asked: not yet proved
         self.values = np.empty((0, len(objectives)))
-        self.solves = self.iterations = self.failed = 0
         self.conflict, self.ended = True, False  # whether there is anything to trade; whether all ends were tried
         self.unsolved: list[str] = []  # objectives whose end is only the best point known
 
@@ -138,8 +154,8 @@ class _Trace:
         missing: list[tuple[str, Solution]] = []
         for k, name in enumerate(self.names):
             starts = max(self.tracer.starts, self.problem.tuning.starts)
-            solution = self._from_guesses(self._end(name), starts, self.tracer.seed + k)
-            self._count(self._end(name), solution)
+            solution = self._from_guesses(self._end(name), starts, self.tracer.seed + k, f"the best {name}")
+            self.work.count(self._end(name), solution)
             if solution.ok:
                 self._add(solution)
             else:
@@ -152,8 +168,7 @@ class _Trace:
                 )
             bounds = {self.names.index(n): self._sign(n) * bound for n, bound in self._end(name).bounds.items()}
             x0, nearest = self._start(list(range(len(self.solutions))), bounds)
-            solution = self.tracer.solver.solve(self.problem, self._end(name), x0)
-            self._count(self._end(name), solution)
+            solution = self.work.again(Request(self._end(name), x0))
             if solution.ok:
                 self._add(solution)
                 continue
@@ -164,10 +179,33 @@ class _Trace:
                 self._add(stand_in)
         self.ended = True
 
-    def _from_guesses(self, scalar: Scalarisation, starts: int, seed: int) -> Solution:
-        many = Multistart(self.tracer.solver, starts, seed)
+    def _from_guesses(self, scalar: Scalarisation, starts: int, seed: int, words: str) -> Solution:
+        tracer = self.tracer
+
+        def tell(done: int, total: int, _: str) -> None:
+            self._tell(f"{words}, {done} of {total} starts")
+
+        told = silent if tracer.progress is silent else tell
+        many = Multistart(tracer.solver, starts, seed, progress=told, workers=tracer.workers, found=tracer.found)
         solver = many if self.problem.levels is None else ByLevels(many, refine=False)
         return solver.solve(self.problem, scalar)
+
+    def _tell(self, doing: str = "") -> None:
+        """Tells how far it is: points, solves, hypervolume, workers."""
+        if self.tracer.progress is silent:
+            return
+        words = [doing] if doing else []
+        words.append(self.work.words)
+        if (share := hypervolume_so_far(self.values, self.reference, self._best())) is not None:
+            words.append(f"hypervolume {share:.4f}")
+        self.tracer.progress(len(self.solutions), self.tracer.points, ", ".join(words))
+
+    def _best(self) -> Array:
+        """The ideal point, less is better: the problem's own, else that of the points so far."""
+        known = self.problem.ideal_point(self.names)
+        if not known:
+            return np.asarray(self.values.min(axis=0, initial=np.inf))
+        return self.signs * np.array([known[name] for name in self.names])
 
     @property
     def ideal(self) -> dict[str, float]:
@@ -187,8 +225,9 @@ class _Trace:
             other, value = self.names[1 - k], self.values[k, k]
             scalar = EpsilonConstraint(other, {name: float(self.signs[k] * (value + LOSS * span[k]))})
             starts = max(self.tracer.starts, self.problem.tuning.starts)
-            solution = self._from_guesses(scalar, starts, self.tracer.seed + len(self.names) + k)
-            self._count(scalar, solution)
+            words = f"the best {other} of those"
+            solution = self._from_guesses(scalar, starts, self.tracer.seed + len(self.names) + k, words)
+            self.work.count(scalar, solution)
             if (
                 solution.ok
                 and self._sign(other) * solution.objectives[other] < self.values[k, 1 - k] - WORTHWHILE * span[1 - k]
@@ -210,7 +249,9 @@ class _Trace:
         if not found.proved or np.array_equal(x, like.x):
             return None
         values = evaluate_objectives(self.problem, x)
-        return replace(like, x=x, status=Status.FEASIBLE, trajectory=candidate, audit=found, objectives=values)
+        return replace(
+            like, x=x, status=Status.FEASIBLE, trajectory=candidate, audit=found, objectives=values, key=""
+        )  # fmt: skip
 
     def fill(self) -> None:
         """Halves the widest gap until there are enough points or no gap is left."""
@@ -222,25 +263,42 @@ class _Trace:
             self.conflict = False
             return
         closed: set[tuple[float, float]] = set()  # gaps in which nothing new was found
-        while len(self.solutions) < self.tracer.points:
-            order = np.argsort(self.values[:, 0])
-            values = self.values[order]
-            gaps = np.abs(np.diff(values, axis=0)) / span
-            area = np.array(
-                [
-                    0.0 if (a[0], b[0]) in closed else g.prod()
-                    for a, b, g in zip(values[:-1], values[1:], gaps, strict=True)
-                ]
-            )
-            if not (area > 1e-12).any():
+        begun: dict[_Gap, Begun] = {}
+        while (left := self.tracer.points - len(self.solutions)) > 0:
+            gaps = self._widest(span, closed)
+            if not gaps:
                 return
-            i = int(np.argmax(area))
-            pair = [int(order[i]), int(order[i + 1])]
-            bounded = int(np.argmax(gaps[i]))
-            middle = float(self.signs[bounded] * values[i : i + 2, bounded].mean())
-            scalar = EpsilonConstraint(self.names[1 - bounded], {self.names[bounded]: middle}, augmentation=1e-6)
-            if not self._point(scalar, pair, {bounded: self.signs[bounded] * middle}, span):
-                closed.add((values[i, 0], values[i + 1, 0]))
+            # Those that are likely to be next are begun by workers that have nothing else to do. Which one is taken,
+            # and what is asked of it, does not depend on that.
+            for gap in gaps[: 1 + min(self.tracer.workers.ahead, left - 1)]:
+                if gap not in begun:
+                    begun[gap] = self.work.begin(self._halved(gap, span))
+            gap = gaps[0]
+            if not self._merge(begun.pop(gap), span):
+                closed.add(gap.ends)
+
+    def _widest(self, span: Array, closed: set[tuple[float, float]]) -> list[_Gap]:
+        """The gaps between neighbours that are still open, the widest first."""
+        order = np.argsort(self.values[:, 0])
+        values = self.values[order]
+        areas = (np.abs(np.diff(values, axis=0)) / span).prod(axis=1)
+        extent = np.ptp(self.values, axis=0).tobytes()
+        gaps = []
+        for i in np.argsort(-areas, kind="stable").tolist():
+            pair = self.solutions[order[i]], self.solutions[order[i + 1]]
+            gap = _Gap(*pair, (float(values[i, 0]), float(values[i + 1, 0])), extent)
+            if areas[i] > 1e-12 and gap.ends not in closed:
+                gaps.append(gap)
+        return gaps
+
+    def _halved(self, gap: _Gap, span: Array) -> Request:
+        """What to solve for a point in the middle of a gap."""
+        pair = [next(i for i, known in enumerate(self.solutions) if known is one) for one in (gap.one, gap.other)]
+        values = self.values[pair]
+        bounded = int(np.argmax(np.abs(np.diff(values, axis=0))[0] / span))
+        middle = float(self.signs[bounded] * values[:, bounded].mean())
+        scalar = EpsilonConstraint(self.names[1 - bounded], {self.names[bounded]: middle}, augmentation=1e-6)
+        return self._request(scalar, pair, {bounded: self.signs[bounded] * middle})
 
     def lattice(self) -> None:
         """Goal attainment from the ideal along the directions of a lattice, and of finer ones, until points are enough.
@@ -277,27 +335,26 @@ class _Trace:
 
     def _point(self, scalar: Scalarisation, neighbours: list[int], bounds: Mapping[int, float], span: Array) -> bool:
         """Solves for one more point; whether one was found that is not there already."""
+        return self._merge(self.work.begin(self._request(scalar, neighbours, bounds)), span)
+
+    def _request(self, scalar: Scalarisation, neighbours: list[int], bounds: Mapping[int, float]) -> Request:
+        """What to solve for a point beside others."""
         x0, nearest = self._start(neighbours, bounds)
         middle = self._middle(neighbours) if bounds else None
-        x0 = x0 if middle is None else middle
         known = self.solutions[nearest]
-        # Where solutions are compared, or asked for less than they keep, each is proved at once.
-        at_once = self.problem.tighten_slacks is not None or self.problem.tuning.starts > 1
-        solver = replace(self.tracer.solver, first=known.instants, prove=at_once)
-        solution = solver.solve(self.problem, scalar, x0, warm=known)
-        if solution.audit is None and solution.ok:
-            self.waiting.append((time.perf_counter(), scalar, solution))
-        else:
-            self._count(scalar, solution)
         others = [self.solutions[i].x for i in neighbours if i != nearest]
-        # Once more, from the neighbours themselves and with all rows: of many local optima the other may lead to a
-        # better one.
-        for x in [known.x, *others] if not solution.own.ok else others if self.problem.tuning.starts > 1 else []:
-            again = self.tracer.solver.solve(self.problem, scalar, x)
-            self._count(scalar, again)
-            solution = best_of([solution, again])
-            if solution.own.ok and self.problem.tuning.starts == 1:
-                break
+        several = self.problem.tuning.starts > 1
+        # Where solutions are compared, or asked for less than they keep, each is proved at once. Where one fails, once
+        # more from the neighbours themselves and with all rows; of many local optima the other may lead to a better.
+        return Request(
+            scalar, x0 if middle is None else middle, known,
+            prove=self.problem.tighten_slacks is not None or several,
+            fallbacks=[known.x] if several else [known.x, *others], others=others if several else [],
+        )  # fmt: skip
+
+    def _merge(self, begun: Begun, span: Array) -> bool:
+        """Adds the point that comes of a request, if there is one that is not there already."""
+        solution = self.work.take(begun, self._replace)
         new = False
         if solution.ok:
             self._add(solution)
@@ -306,27 +363,25 @@ class _Trace:
                 self._drop()
             elif len(self.names) == 2:
                 new = self._ranked(span)
-        self.tracer.progress(len(self.solutions), self.tracer.points, self._words())
-        if self.waiting and (len(self.waiting) >= TOGETHER or time.perf_counter() - self.waiting[0][0] > PATIENCE):
-            self.prove()
+        self._tell()
+        waiting = self.work.waiting
+        if len(waiting) >= TOGETHER or sum(one.iterations * one.row_count for one in waiting) > PATIENCE:
+            self.work.prove()
         return new
 
-    def prove(self) -> None:
-        """Proves the points found since the last time, together; one that fails goes back to exchange."""
-        waiting, self.waiting = self.waiting, []
-        audited = audit_points(self.problem, [solution.x for _, _, solution in waiting])
-        for (_, scalar, found), (path, audit) in zip(waiting, audited, strict=True):
-            proved = replace(found, trajectory=path, audit=audit)
-            if not audit.proved:
-                proved = replace(self.tracer.solver, first=found.instants).solve(self.problem, scalar, found.x, found)
-            self._count(scalar, proved)
-            for i, known in enumerate(self.solutions):
-                if known is found:
-                    self._replace(i, proved)
-                    break
+    def solve_wave(self, requests: Sequence[Request]) -> list[Solution]:
+        """The solutions of requests that do not depend on each other, in their order, each proved where it is ok.
 
-    def _replace(self, i: int, solution: Solution) -> None:
-        """Another solution in place of one, or nothing where it is none."""
+        They are counted and told of; none is added to the front. The workers share them: what is asked must not depend
+        on how many there are.
+        """
+        return self.work.solve_wave(requests)
+
+    def _replace(self, one: Solution, solution: Solution) -> None:
+        """Another solution in place of one that is there, or nothing where it is none."""
+        i = next((i for i, known in enumerate(self.solutions) if known is one), None)
+        if i is None:
+            return
         if solution.ok:
             self.solutions[i] = solution
             self.values[i] = self.signs * np.array([solution.objectives[name] for name in self.names])
@@ -357,13 +412,6 @@ class _Trace:
         values = self.signs * np.array([objectives[name] for name in self.names])
         return x if ((known.min(axis=0) <= values) & (values <= known.max(axis=0))).all() else None
 
-    def _count(self, scalar: Scalarisation, solution: Solution) -> None:
-        if self.tracer.found is not ignore:
-            self.tracer.found(of_solve(scalar, solution))
-        self.solves += 1
-        self.iterations += solution.iterations
-        self.failed += not solution.ok
-
     def _add(self, solution: Solution) -> None:
         self.solutions.append(solution)
         value = np.array([solution.objectives[name] for name in self.names]) * self.signs
@@ -386,10 +434,6 @@ class _Trace:
         self.solutions = [s for s, out in zip(self.solutions, worse.tolist(), strict=True) if not out]
         self.values = self.values[~worse]
         return True
-
-    def _words(self) -> str:
-        last = self.values[-1] * self.signs
-        return ", ".join(f"{name} {value:.6g}" for name, value in zip(self.names, last, strict=True))
 
 
 def _directions(objectives: int, partitions: int) -> Array:

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ocp_traj.errors import InputError, nearest, quoted
 from ocp_traj.formulation.case import convert
+
+if TYPE_CHECKING:
+    from ocp_traj.parallel.workers import Workers
 
 MOST = 100_000  # of anything that is counted: our choice, what a machine's memory holds
 NO_OPTIONS = ("seed", "points", "prove")  # the command line has flags for two, and proves what it shows
@@ -24,6 +27,7 @@ FRONT = {
     "nsga2": "ocp_traj.solvers.nsga2:NSGA2",
     "mopso": "ocp_traj.solvers.mopso:MOPSO",
     "hmoga": "ocp_traj.solvers.hmoga:HMOGA",
+    "memetic": "ocp_traj.solvers.memetic:Memetic",
 }
 
 
@@ -46,6 +50,15 @@ def configured(table: Mapping[str, str], method: str, **options: Any) -> Any:
                 f"{method} has no option {quoted(name)}{nearest(name, known)}; options are {', '.join(known)}"
             )
     return cls(**options)
+
+
+def workers_option(table: Mapping[str, str], method: str, workers: Workers) -> dict[str, Workers]:
+    """Workers as an option of a method that has work for them; refused where there are some and it has none."""
+    if "workers" in {f.name for f in fields(method_class(table, method))}:
+        return {"workers": workers}
+    if workers.count:
+        raise InputError(f"{method} does all of its work in one process; leave workers out, or take another method")
+    return {}
 
 
 def options_from_text(table: Mapping[str, str], method: str, texts: Mapping[str, str]) -> dict[str, Any]:

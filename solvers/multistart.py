@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,22 +11,21 @@ import numpy as np
 from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.formulation.problem import Problem
-from ocp_traj.formulation.scalarise import Scalarisation, WeightedSum
+from ocp_traj.formulation.scalarise import Scalarisation
+from ocp_traj.parallel.workers import Pending, Workers
 from ocp_traj.progress import Progress, silent
-from ocp_traj.results.incumbent import no_worse_than
 from ocp_traj.results.optima import distinct, with_sampled
+from ocp_traj.results.records import Found, ignore
 from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.elastic_exchange import amounts_to_give
 from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.feasible_descent import descends
+from ocp_traj.solvers.starts import Line, WholeLine, forget_openings
 from ocp_traj.stopping import STOPS, stopping
-from ocp_traj.transcription.nlp import NLP, NLPResult, Status
-
-_Pair = tuple[NLPResult, Solution]  # of a first NLP, and what it led to
+from ocp_traj.transcription.nlp import Status
 
 SOLVES = 2  # of each start when all optima are wanted
 ROUNDS = 40  # at least: along a flat valley steps are short; our choice
-LITTLE = 1e-9  # of the best value: what may be gained by less is not waited for; our choice
-ONE_POINT = 1e-6  # of the variables' size: our choice, far above the solver's tolerance
 
 
 @dataclass(frozen=True)
@@ -47,6 +46,8 @@ class Multistart:
             first NLP is built once, and where it leads to one point what follows is shared: hundreds of starts are
             affordable.
         progress: told after each start.
+        workers: who solves; what is found does not depend on it.
+        found: given a record of each start that was followed to its end.
     """
 
     solver: Exchange = field(default_factory=Exchange)
@@ -54,6 +55,8 @@ class Multistart:
     seed: int = 0
     all_optima: bool = False
     progress: Progress = silent
+    workers: Workers = field(default_factory=Workers)
+    found: Found = ignore
 
     def points(self, problem: Problem) -> list[Array]:
         """The starting points, each once."""
@@ -62,21 +65,37 @@ class Multistart:
 
     def solve_all(self, problem: Problem, scalarisation: Scalarisation) -> list[Solution]:
         """One solution a start, or two with ``all_optima``; Ctrl-C ends it early with those it has, if any."""
-        return self._solved(problem, scalarisation, [], gives_up=False)[0]
+        return self._solved(problem, scalarisation, self._lines(problem, scalarisation, gives_up=False))[0]
+
+    def _lines(self, problem: Problem, scalarisation: Scalarisation, gives_up: bool) -> list[Line] | list[WholeLine]:
+        """What each start is solved by: one solver, or ``SOLVES`` with ``all_optima``."""
+        solver, found = replace(self.solver, progress=silent) if self.workers.count else self.solver, self.found
+        if problem.tuning.warm_start_objective not in ("", *scalarisation.names) and not self.all_optima:
+            return [WholeLine("warmed", problem, scalarisation, solver, self.workers, found)]
+        if descends(problem, scalarisation) and not self.all_optima:  # which begins with no NLP
+            return [WholeLine("started", problem, scalarisation, solver, self.workers, found)]
+        solvers = [solver]
+        if self.all_optima:
+            rounds = max(ROUNDS, solver.exchanges(problem))
+            solvers.append(replace(solver, solver=solver.solver.near_start(), max_exchanges=rounds))
+        return [Line(problem, scalarisation, each, self.workers, gives_up, found) for each in solvers]
 
     def _solved(
-        self, problem: Problem, scalarisation: Scalarisation, pairs: list[_Pair], gives_up: bool
+        self, problem: Problem, scalarisation: Scalarisation, lines: Sequence[Line | WholeLine]
     ) -> tuple[list[Solution], int, str]:
         """The solutions, of how many starts, and after how many of them Ctrl-C came, if it did."""
         solutions: list[Solution] = []
         points = self.points(problem)
         done = 0
+        begun: dict[int, list[Pending]] = {}
         with stopping() as stop:
             try:
-                warm = problem.tuning.warm_start_objective not in ("", *scalarisation.names) and not self.all_optima
-                one_start = self._warm if warm else self._shared(problem, scalarisation, pairs, gives_up)
-                for x0 in points:
-                    solutions += one_start(problem, scalarisation, x0)
+                for i, x0 in enumerate(points):
+                    for j in range(i, min(i + 1 + self.workers.ahead, len(points))):
+                        if j not in begun:
+                            begun[j] = [line.begin(points[j]) for line in lines]
+                    for line, pending in zip(lines, begun.pop(i), strict=True):
+                        solutions += line.end(x0, pending)
                     done += 1
                     best = best_of(solutions)
                     self.progress(done, len(points), f"best {best.f:.9g}" if best.ok else best.status.value)
@@ -84,6 +103,8 @@ class Multistart:
                 if not solutions:
                     raise
                 stop.take(reason)
+            finally:
+                forget_openings(problem)
             return solutions, done, f"after {done} of {len(points)} starts" if stop.tell() else ""
 
     @one_blas_thread
@@ -94,8 +115,9 @@ class Multistart:
         raises ``KeyboardInterrupt``.
         """
         begun = time.perf_counter()
-        pairs: list[_Pair] = []
-        solutions, done, interrupted = self._solved(problem, scalarisation, pairs, gives_up=not self.all_optima)
+        lines = self._lines(problem, scalarisation, gives_up=not self.all_optima)
+        solutions, done, interrupted = self._solved(problem, scalarisation, lines)
+        pairs = [pair for line in lines if isinstance(line, Line) for pair in line.pairs]
         optima = with_sampled(problem, distinct(problem, solutions, SOLVES), pairs) if self.all_optima else ()
         each = SOLVES if self.all_optima else 1
         best = best_of(solutions)
@@ -103,53 +125,8 @@ class Multistart:
             best = replace(best, conflicts=amounts_to_give(problem, scalarisation, best))
         return replace(
             best, seconds=time.perf_counter() - begun, optima=optima, starts=done,
-            given_up=done - len(solutions) // each, interrupted=interrupted,
+            given_up=done - len(solutions) // each, interrupted=interrupted, key="",
         )  # fmt: skip
-
-    def _warm(self, problem: Problem, scalarisation: Scalarisation, x0: Array) -> list[Solution]:
-        """From the optimum of the objective that is easily found."""
-        easiest = problem.tuning.warm_start_objective
-        key = "warm start", repr(self.solver), x0.tobytes()
-        first = problem.cached(key, lambda: self.solver.solve(problem, WeightedSum({easiest: 1.0}), x0))
-        if not first.ok:
-            return [self.solver.solve(problem, scalarisation, x0)]
-        solution = replace(self.solver, first=first.instants).solve(problem, scalarisation, first.x)
-        solution = no_worse_than(problem, scalarisation, solution, x0)
-        return [replace(solution, iterations=first.iterations + solution.iterations)]
-
-    def _shared(
-        self, problem: Problem, scalarisation: Scalarisation, pairs: list[_Pair], gives_up: bool
-    ) -> Callable[..., list[Solution]]:
-        """One solution a start, ``SOLVES`` with ``all_optima``; first NLPs that lead to one point share the rest.
-
-        ``pairs`` collects what each first NLP has led to; one that is given up leads to nothing.
-        """
-        solvers = [self.solver]
-        if self.all_optima:
-            rounds = max(ROUNDS, self.solver.exchanges(problem))
-            solvers.append(replace(self.solver, solver=self.solver.solver.near_start(), max_exchanges=rounds))
-        alike = not problem.chosen_limits  # else what the first NLP holds depends on where it starts
-        nlps: list[tuple[Exchange, NLP | None, list[_Pair]]] = [
-            (solver, solver.opening(problem, scalarisation, problem.lower) if alike else None, []) for solver in solvers
-        ]
-
-        def one(solver: Exchange, shared: NLP | None, known: list[_Pair], x0: Array) -> list[Solution]:
-            nlp = solver.opening(problem, scalarisation, x0) if shared is None else shared
-            opened = solver.solver.solve(nlp, nlp.start(x0))
-            for other, solution in known:
-                if opened.ok and np.abs(opened.x - other.x).max() <= ONE_POINT * (1.0 + np.abs(other.x).max()):
-                    return [no_worse_than(problem, scalarisation, solution, x0) if solution.ok else solution]
-            proved = [solution.f for _, solution in known if solution.audit is not None and solution.audit.proved]
-            best = min(proved, default=np.inf)
-            if gives_up and opened.status is Status.SOLVED and opened.f > best - LITTLE * abs(best):
-                return []
-            solution = solver.solve(problem, scalarisation, x0, opened=(nlp, opened))
-            if opened.ok:
-                known.append((opened, solution))
-                pairs.append((opened, solution))
-            return [solution]
-
-        return lambda problem, scalarisation, x0: [solution for entry in nlps for solution in one(*entry, x0)]
 
 
 def best_of(solutions: Sequence[Solution]) -> Solution:

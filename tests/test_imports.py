@@ -20,6 +20,7 @@ LAYERS = (
     "transcription",
     "results",
     "evolution",
+    "parallel",
     "solvers",
     "io",
     "api",

@@ -4,8 +4,8 @@ Results go to stdout, as tables or, with ``--json``, as one JSON object; progres
 0 done and proved; 1 the result is infeasible, violated or undecided, or cannot be written; 2 wrong input, in one line;
 130, 143 and 129 ended by Ctrl-C, SIGTERM and SIGHUP.
 
-One of these signals ends ``solve``, ``pareto`` and ``payload`` within the time of an iteration of IPOPT or of a
-generation: what has been found is shown and written, and one line on stderr says what was left undone. Any other
+One of these signals ends ``solve``, ``pareto``, ``resume`` and ``payload`` within the time of an iteration of IPOPT or
+of a generation: what has been found is shown and written, and one line on stderr says what was left undone. Any other
 command, and the second signal anywhere, ends at once. No file is ever half written.
 
 To import what solves, draws and proves takes seconds: each command imports what it needs, in its body.
@@ -29,7 +29,7 @@ from ocp_traj.cli import console
 from ocp_traj.errors import InputError, OcpTrajError, cut, quoted
 from ocp_traj.files import LONGEST_PATH, check_writable, write_text
 from ocp_traj.solvers import methods
-from ocp_traj.stopping import exit_code, stopping
+from ocp_traj.stopping import stopping
 from ocp_traj.version import __version__
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class _Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            return _interrupted("before there was a result")
+            return console.interrupted("before there was a result")
 
 
 app = typer.Typer(
@@ -71,6 +71,12 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on s
 Options = Annotated[
     list[str] | None,
     typer.Option("--option", metavar="NAME=VALUE", help="Set an option of the method; may be repeated."),
+]
+WorkerCount = Annotated[
+    int, typer.Option(metavar="N", help="Processes that solve; the result does not depend on how many.", min=0)
+]
+ClusterAddress = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler whose workers solve, such as tcp://host:8786.")
 ]
 Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
 
@@ -156,6 +162,7 @@ def solve(
             metavar="RUN|FILE", help="Begin at an earlier result, not at random: a trajectory, or a run's best point."
         ),
     ] = None,
+    refine: Annotated[bool, typer.Option(help="Hand the best of a population (pso, ga) to IPOPT.")] = False,
     all_optima: Annotated[bool, typer.Option(help="List every distinct local optimum that a start ends in.")] = False,
     certify: Annotated[
         bool | None,
@@ -169,6 +176,8 @@ def solve(
     history: Annotated[
         Path | None, typer.Option(help="Draw (PNG, PDF or SVG) or write (CSV) how a population converged.")
     ] = None,
+    workers: WorkerCount = 0,
+    cluster: ClusterAddress = None,
     json: AsJson = False,
 ) -> int:
     """Solves a problem and proves the result.
@@ -196,11 +205,15 @@ def solve(
     for path in targets:
         check_writable(path)
     options = methods.options_from_text(methods.SOLVE, method, _pairs(option, "--option"))
+    if refine:
+        if method == "exchange":
+            raise InputError("--refine hands a population to exchange, which needs none; give --method pso or ga")
+        options["refine"] = True
     with stopping() as stop:
         with console.progress("solving") as progress:
             solution = api.solve(
                 chosen, objective=objective, weights=weights, method=method, starts=starts, seed=seed, start=start,
-                all_optima=all_optima, certify=certify, progress=progress, **options,
+                all_optima=all_optima, certify=certify, progress=progress, workers=workers, cluster=cluster, **options,
             )  # fmt: skip
         if chosen.levels is not None and solution.trajectory is not None:
             chosen = solution.trajectory.origin or chosen  # of the level that was reached
@@ -209,7 +222,7 @@ def solve(
         finally:
             console.show(sheets.solution_sheet(chosen, solution), json)
         code = _outcome(solution)
-        return _interrupted(solution.interrupted) if stop.interrupted else code
+        return console.interrupted(solution.interrupted) if stop.interrupted else code
 
 
 @app.command()
@@ -240,6 +253,11 @@ def pareto(
         typer.Option(metavar="A,B[,..]", help="Ideal point of the hypervolume; the problem's own if not given."),
     ] = None,
     keep_unproved: Annotated[bool, typer.Option(help="Keep points that are not proved.")] = False,
+    workers: WorkerCount = 0,
+    cluster: ClusterAddress = None,
+    certify: Annotated[
+        bool, typer.Option("--certify", help="Bound what the front leaves out; refused where no bound is known.")
+    ] = False,
     force: Annotated[bool, typer.Option(help="Replace an existing run.")] = False,
     json: AsJson = False,
 ) -> int:
@@ -247,10 +265,10 @@ def pareto(
 
     Example: ocp-traj pareto hybrid-spline --objectives time,energy -o runs/a
     """
-    from ocp_traj import api
-    from ocp_traj.cli import sheets
+    from ocp_traj.cli import fronts
     from ocp_traj.io.store import Run, request
-    from ocp_traj.results.pareto_set import ENDED_AFTER
+    from ocp_traj.parallel.choice import workers_for
+    from ocp_traj.solvers.front_certifier import require_front_certifiable
 
     chosen = _load(problem, set_)
     task = _task(chosen)
@@ -273,42 +291,85 @@ def pareto(
     options = methods.options_from_text(methods.FRONT, method, _pairs(option, "--option"))
     if points is not None:
         options["points"] = points
-    asked = request(chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, options=options)
-    with stopping() as stop:
+    if certify:
+        require_front_certifiable(chosen, names)
+    source = None if task is None else {"file": os.path.abspath(problem), "changes": _pairs(set_, "--set")}
+    asked = request(
+        chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, certify=certify,
+        options=options, corners=corners, task=source,
+    )  # fmt: skip
+    with workers_for(chosen, workers, cluster) as hands, stopping() as stop:
         with Run(output, asked, force=force) as kept:
-            try:
-                with console.progress(method) as progress:
-                    front = api.pareto(
-                        chosen, names, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
-                        found=kept.found, progress=progress, **options,
-                    )  # fmt: skip
-                if len(front):
-                    volume = front.hypervolume(*corners)
-                    folder = kept.finish(front, volume)
-                else:
-                    kept.discard()
-            except (OcpTrajError, KeyboardInterrupt):
-                if kept.holds_points:
-                    console.say(f"what was found until then is kept: {output}")
-                raise
-        if not len(front):
-            if stop.interrupted:
-                return _interrupted("before the first point was found; nothing is written")
-            console.say(
-                f"{chosen.id}: {method} found no proved point ({front.info['dropped']}); --keep-unproved keeps the "
-                "others"
-            )
-            return NOT_PROVED
-        console.show(sheets.front_sheet(front, volume, folder), json)
-        for words in sheets.front_remarks(front):
-            console.say(words)
-        console.say(f"run: {folder}\npicture: {folder / 'front.png'}")
-        ended = front.info.get(ENDED_AFTER, "")
-        if stop.interrupted:
-            return _interrupted(f"after {ended}" if ended else "")
-        if ended:
-            console.say(f"the budget ended it after {ended}")
-        return NOT_PROVED if front.info.get("moved") is False else DONE
+            return fronts.trace(chosen, asked, kept, hands, stop, json)
+
+
+@app.command()
+@one_blas_thread
+def resume(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run that was stopped.")],
+    workers: WorkerCount = 0,
+    cluster: ClusterAddress = None,
+    json: AsJson = False,
+) -> int:
+    """Goes on with a front that was stopped, to the front of a run that was not.
+
+    Example: ocp-traj resume runs/a
+    """
+    from ocp_traj.cli import fronts
+    from ocp_traj.io.resume import is_finished, resume_run
+    from ocp_traj.parallel.choice import workers_for
+
+    if is_finished(run):
+        console.say(f"{run} has ended by itself; there is nothing left to do")
+        return DONE
+    found = resume_run(run)
+    with found.run as kept:
+        fronts.say_of(found)
+        with workers_for(found.problem, workers, cluster, found.known) as hands, stopping() as stop:
+            return fronts.trace(found.problem, found.asked, kept, hands, stop, json, found.budget)
+
+
+@app.command()
+@one_blas_thread
+def compare(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN ..", help="Run folders of one problem and case.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Draw all fronts here (PNG, PDF or SVG).")
+    ] = None,
+    reference: Annotated[
+        str | None, typer.Option(metavar="A,B[,..]", help="Reference point of all; the problem's own if not given.")
+    ] = None,
+    ideal: Annotated[
+        str | None, typer.Option(metavar="A,B[,..]", help="Ideal point of all; the problem's own if not given.")
+    ] = None,
+    json: AsJson = False,
+) -> None:
+    """Compares the fronts of runs, with one reference and one ideal for all.
+
+    Example: ocp-traj compare runs/a runs/b -o both.png
+    """
+    from ocp_traj.cli.comparison_sheet import comparison_sheet
+    from ocp_traj.io.run_reader import load_run, read_manifest
+    from ocp_traj.results.front_comparison import compare_fronts, require_alike
+
+    if output is not None:
+        from ocp_traj.io.plot import check_picture
+        from ocp_traj.io.plot_fronts import plot_fronts
+
+        check_picture(output)
+        check_writable(output)
+    names = [str(run) for run in runs]
+    if len(set(names)) < len(names):
+        raise InputError(f"{', '.join(names)} name one run twice; give each once")
+    asked = dict(zip(names, map(read_manifest, runs), strict=True))
+    require_alike(asked)
+    traded = tuple(asked[names[0]]["objectives"])
+    corners = [_point(text, traded, what) for text, what in ((reference, "--reference"), (ideal, "--ideal"))]
+    fronts = {name: load_run(run) for name, run in zip(names, runs, strict=True)}
+    compared, problem = compare_fronts(fronts, *corners), fronts[names[0]].problem
+    if output is not None:
+        console.say(f"picture: {plot_fronts(compared, problem, output)}")
+    console.show(comparison_sheet(compared, problem.id), json)
 
 
 @app.command()
@@ -356,7 +417,7 @@ def payload(
         finally:
             console.show(sheets.payload_sheet(found), json)
         if stop.interrupted:
-            return _interrupted("" if found.solution is None else found.solution.interrupted)
+            return console.interrupted("" if found.solution is None else found.solution.interrupted)
         return DONE
 
 
@@ -392,7 +453,7 @@ def audit(
         checked = run_audit(moved, read_requirements(limits), allowance=allowed)
     if not checked.rows:
         raise InputError(f"{limits or moved.problem} asks nothing of {trajectory}: nothing is proved; give a limit")
-    console.show(sheets.audit_sheet(checked), json)
+    console.show(sheets.audit_sheet(checked, moved.posed if limits is None else None), json)
     return _verdict(checked)
 
 
@@ -596,6 +657,8 @@ def _write(solution: Solution, problem: Problem, output: Path | None, plot: Path
         console.say(f"picture: {plot_trajectory(solution.trajectory, problem.requirements, plot)}")
     if history is not None and solution.history is not None:
         console.say(f"history: {save_history(solution.history, history)}")
+    elif history is not None:
+        console.say(f"history: {history} is not written; no population of this run has one")
 
 
 def _outcome(solution: Solution) -> int:
@@ -614,12 +677,6 @@ def _outcome(solution: Solution) -> int:
     elif (steps := solution.detail.partition("; by levels: ")[2]) and steps.count(",") > 0:
         console.say(f"by levels: {steps}")
     return _verdict(solution.audit, solution.ok and solution.moved)
-
-
-def _interrupted(words: str) -> int:
-    """Says what was left undone, if anything was; the exit code of that."""
-    console.say(f"interrupted {words or 'when all was done'}")
-    return exit_code()
 
 
 def _load(name: str, assignments: Sequence[str] | None) -> Problem:

@@ -14,6 +14,7 @@ import numpy as np
 from ocp_traj import progress as progress_module
 from ocp_traj.errors import cut
 from ocp_traj.files import plain
+from ocp_traj.stopping import exit_code
 
 WIDE = 160  # columns of a table that does not go to a terminal
 LONGEST_MESSAGE = 2000  # [characters]: our choice
@@ -55,18 +56,25 @@ def say(words: str) -> None:
         print(cut(words, LONGEST_MESSAGE), file=sys.stderr, flush=True)
 
 
+def interrupted(words: str) -> int:
+    """Says what was left undone, if anything was; the exit code of that."""
+    say(f"interrupted {words or 'when all was done'}")
+    return exit_code()
+
+
 @contextmanager
 def progress(title: str) -> Iterator[progress_module.Progress]:
-    """A progress bar on stderr while the block runs; nothing where stderr is no terminal."""
+    """A progress bar on stderr while the block runs, with the time that is likely left; nothing off a terminal."""
     if not sys.stderr.isatty():
         yield progress_module.silent
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     done = TextColumn("{task.completed}/{task.total}")
     words_column = TextColumn("{task.fields[words]}")
-    columns = (TextColumn("{task.description}"), BarColumn(), done, TimeElapsedColumn(), words_column)
+    left = TimeRemainingColumn(), TextColumn("left")
+    columns = (TextColumn("{task.description}"), BarColumn(), done, TimeElapsedColumn(), *left, words_column)
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=None, words="")
         yield lambda done, total, words: bar.update(task, completed=done, total=total or None, words=words)

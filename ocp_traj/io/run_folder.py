@@ -22,7 +22,15 @@ from ocp_traj.io.journal import records
 from ocp_traj.results.records import is_proved
 
 MANIFEST, JOURNAL, TABLE, PICTURE, TRAJECTORIES = "run.json", "journal.jsonl", "front.csv", "front.png", "trajectories"
-PARTS = (MANIFEST, JOURNAL, TABLE, PICTURE, TRAJECTORIES)  # what a run is made of; nothing else is moved or deleted
+BOUNDS = "bounds.csv"  # of a certified front
+PARTS = (
+    MANIFEST,
+    JOURNAL,
+    TABLE,
+    PICTURE,
+    TRAJECTORIES,
+    BOUNDS,
+)  # what a run is made of; nothing else is moved or deleted
 EARLIER = "ocp-traj.earlier"  # nobody else calls anything so
 # On the way into it or out of it, and on the way out for good: a rename begins and ends each.
 _MOVING, _GONE = f".{EARLIER}.moving", f".{EARLIER}.gone"
@@ -83,12 +91,18 @@ def _is_temporary(path: Path) -> bool:
 class RunFolder:
     """A folder that is this process's to write a run to, until it is closed or discarded."""
 
-    def __init__(self, folder: str | Path, force: bool = False) -> None:
-        """Takes the folder; raises ``InputError`` where another process writes to it, or ``check_target`` does."""
+    def __init__(self, folder: str | Path, force: bool = False, resume: bool = False) -> None:
+        """Takes the folder; raises ``InputError`` where another process writes to it, or ``check_target`` does.
+
+        With ``resume`` the run that is there stays, to be gone on with.
+        """
         self._lock, checked = -1, False
         self._made: list[Path] = []
         try:
             self.root = Path(os.path.realpath(folder))  # resolve() raises on loops of links
+            if resume:
+                self._take_run(folder)
+                return
             if (self.root / _LOCK).exists():
                 self._take(folder)
             check_target(folder, force)
@@ -130,12 +144,25 @@ class RunFolder:
             self.close()
             self._remove_made()
 
+    def forget_shown(self) -> None:
+        """Deletes what was made of the journal for others: it is made again when the run ends."""
+        _remove(self.root / name for name in (TABLE, PICTURE, TRAJECTORIES) if (self.root / name).exists())
+
     def close(self) -> None:
         """Lets go of the folder."""
         if self._lock >= 0:
             (self.root / _LOCK).unlink(missing_ok=True)
             os.close(self._lock)
             self._lock = -1
+
+    def _take_run(self, folder: str | Path) -> None:
+        """Takes a folder for the run that is in it."""
+        if not _is_run(self.root):
+            raise InputError(f"{folder} is no run folder: it has no {MANIFEST}; give the folder of a run")
+        self._take(folder)
+        _remove(filter(_is_temporary, self.root.iterdir()))
+        if (self.root / _MOVING).exists():
+            self._move_back()
 
     def _take(self, folder: str | Path) -> None:
         path = self.root / _LOCK

@@ -52,7 +52,7 @@ def load_run(folder: str | Path, problem: Problem | None = None) -> Front:
     # Before the journal: of a run that goes on, the journal is then at least as new.
     table = read_front_csv(root / TABLE) if (root / TABLE).exists() or run["format"] == WITHOUT_JOURNAL else None
     try:
-        chosen = _problem(root, run, problem)
+        chosen = problem_of(root, run, problem)
         if chosen.levels is not None:
             chosen = _level(chosen, root / JOURNAL)
         keep_unproved = run["format"] == WITHOUT_JOURNAL or bool(run["keep_unproved"])
@@ -101,7 +101,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return dict(run)
 
 
-def _problem(root: Path, run: Mapping[str, Any], given: Problem | None) -> Problem:
+def problem_of(root: Path, run: Mapping[str, Any], given: Problem | None) -> Problem:
+    """The problem of a run, built again, or the one that is given, if it is that."""
     if given is None:
         if not problems.known(run["problem"]):
             raise FileFormatError(

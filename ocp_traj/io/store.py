@@ -21,10 +21,10 @@ from ocp_traj.errors import InputError
 from ocp_traj.files import plain, write_text, write_with
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.io.journal import Journal
-from ocp_traj.io.run_folder import JOURNAL, MANIFEST, PICTURE, TABLE, TRAJECTORIES, RunFolder
+from ocp_traj.io.run_folder import BOUNDS, JOURNAL, MANIFEST, PICTURE, TABLE, TRAJECTORIES, RunFolder
 from ocp_traj.proof.verdicts import PROVED
 from ocp_traj.results.front import Front, Hypervolume
-from ocp_traj.results.records import Record, is_proved, of_front, usable
+from ocp_traj.results.records import KEY, Record, is_proved, of_front, usable
 from ocp_traj.results.trajectory import case_fields
 from ocp_traj.version import __version__
 
@@ -34,9 +34,14 @@ PACKAGES = ("casadi", "pin", "pymoo", "numpy")
 
 def request(
     problem: Problem, objectives: Sequence[str], method: str, *, seed: int | None = None, budget: float | None = None,
-    keep_unproved: bool = False, options: Mapping[str, Any] | None = None,
+    keep_unproved: bool = False, certify: bool = False, options: Mapping[str, Any] | None = None,
+    corners: Sequence[Mapping[str, float] | None] = (None, None), task: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:  # fmt: skip
-    """What ``run.json`` holds from the start, as plain JSON values: enough to ask for the same again."""
+    """What ``run.json`` holds from the start, as plain JSON values: enough to ask for the same again.
+
+    ``corners`` are the reference and the ideal point of the hypervolume that were given, ``task`` is the file a task
+    was read from and the values that were changed in it.
+    """
     return dict(
         plain(
             {
@@ -49,10 +54,18 @@ def request(
                 "options": options or {},
                 "budget": budget,
                 "keep_unproved": keep_unproved,
-                "versions": {"ocp-traj": __version__, **{name: _version(name) for name in PACKAGES}},
+                "corners": corners,
+                "task": task,
+                "versions": versions(),
+                **({"certify": True} if certify else {}),
             }
         )
     )
+
+
+def versions() -> dict[str, str | None]:
+    """Of this package and of those that the numbers come from."""
+    return {"ocp-traj": __version__, **{name: _version(name) for name in PACKAGES}}
 
 
 class Run:
@@ -66,14 +79,24 @@ class Run:
         holds_points: whether anything that ``load_run`` can make a front of is in it.
     """
 
-    def __init__(self, folder: str | Path, asked: Mapping[str, Any], *, force: bool = False) -> None:
-        """Takes the folder and writes ``asked``, a ``request``; raises ``InputError`` as ``check_target`` does."""
+    def __init__(
+        self, folder: str | Path, asked: Mapping[str, Any], *, force: bool = False, place: RunFolder | None = None,
+        earlier: Sequence[Record] = (),
+    ) -> None:  # fmt: skip
+        """Takes the folder and writes ``asked``, a ``request``; raises ``InputError`` as ``check_target`` does.
+
+        A run that was stopped is gone on with in its ``place``, after the ``earlier`` records of its journal.
+        """
         self.folder = Path(folder)
-        self._asked, self._begun = asked, time.perf_counter()
-        self.holds_points = self._proved = False
-        self._place = RunFolder(folder, force)
+        elapsed = float(earlier[-1]["elapsed"]) if earlier else 0.0
+        self._resumed = place is not None
+        self._asked, self._begun = asked, time.perf_counter() - elapsed
+        self._keys = {record[KEY] for record in earlier if record.get(KEY)}
+        self.holds_points, self._proved = any(map(usable, earlier)), any(map(is_proved, earlier))
+        self._place = RunFolder(folder, force) if place is None else place
         try:
             self._journal = Journal(self._place.root / JOURNAL)
+            self._place.forget_shown()
             self._write_manifest({})
         except BaseException:
             self._place.discard()
@@ -83,14 +106,18 @@ class Run:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        if self.holds_points:
+        if self.holds_points or self._resumed:
             self.close()
         else:
             self.discard()
 
     def found(self, record: Record) -> None:
-        """Writes a record of finished work; it is on the disk when this returns."""
+        """Writes a record of finished work; it is on the disk when this returns. What is there stands once."""
+        key = record.get(KEY)
+        if key and key in self._keys:
+            return
         self._append(record)
+        self._keys |= {key} if key else set()
         self.holds_points = self.holds_points or usable(record)
         if is_proved(record):
             self._keep()
@@ -106,6 +133,9 @@ class Run:
         root = self._place.root
         _write_trajectories(front, root / TRAJECTORIES)
         write_with(root / TABLE, lambda temporary: front.table.to_csv(temporary))
+        if front.certificate is not None:
+            corners = front.certificate.table
+            write_with(root / BOUNDS, lambda temporary: corners.to_csv(temporary, index=False))
         self._write_manifest(describe(front, hypervolume))
         plot_front(front, root / PICTURE)
         self._keep()
@@ -152,6 +182,8 @@ def describe(front: Front, hypervolume: Hypervolume | None = None) -> dict[str, 
     except InputError:  # the problem has no reference point for these objectives
         measured = dict.fromkeys(("value", "volume", "reference", "ideal", "ideal_from", "own_ideal"))
     described = {"seconds": front.seconds, "points": len(front), "hypervolume": measured, "info": front.info}
+    if front.certificate is not None:
+        described["certificate"] = front.certificate.to_dict()
     return dict(plain(described))
 
 

@@ -64,5 +64,6 @@ def no_worse_than(
         trajectory=candidate,
         audit=checked,
         instead_of=solution.own,
+        key="",
         detail=f"{words} is proved and better than what the solver came to, which {result}: {solution.detail}",
     )

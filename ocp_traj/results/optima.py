@@ -4,16 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.results.solution import Optimum, Solution
-from ocp_traj.transcription.nlp import NLPResult, Status
+from ocp_traj.transcription.nlp import Status
 
 SAME_VALUE = 1e-6  # relative: objectives further apart make two optima; our choice, 100 x what exchange leaves open
 SAME_CURVE = 1e-2  # of the joints' ranges: curves of one value closer than this are one optimum; our choice
+
+
+class First(Protocol):
+    """What the first NLP of a start has ended with."""
+
+    @property
+    def f(self) -> float:
+        """The value of its objective."""
 
 
 def distinct(problem: Problem, solutions: Sequence[Solution], solves: int = 1) -> tuple[Optimum, ...]:
@@ -41,7 +50,7 @@ def distinct(problem: Problem, solutions: Sequence[Solution], solves: int = 1) -
 
 
 def with_sampled(
-    problem: Problem, optima: Sequence[Optimum], pairs: Sequence[tuple[NLPResult, Solution]]
+    problem: Problem, optima: Sequence[Optimum], pairs: Sequence[tuple[First, Solution]]
 ) -> tuple[Optimum, ...]:
     """The optima with their ``sampled``, counted by value, from pairs (solution of the first NLP, what it led to)."""
     values: list[list[float]] = [[] for _ in optima]

@@ -16,9 +16,11 @@ from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.proof.verdicts import PROVED
 from ocp_traj.results.front import Front
 from ocp_traj.results.solution import Solution
+from ocp_traj.results.solution_records import of_solution
 from ocp_traj.transcription.nlp import Status
 
-SOLVE, POPULATION, FRONT = "solve", "population", "front"
+SOLVE, START, OPENING, POPULATION, FRONT = "solve", "start", "opening", "population", "front"
+KEY = "key"  # of a record: the key of the job that it answers
 
 Record = Mapping[str, Any]
 Found = Callable[[Record], None]
@@ -29,14 +31,16 @@ def ignore(record: Record) -> None:
     """Keeps nothing."""
 
 
-def of_solve(scalarisation: Scalarisation, solution: Solution) -> Record:
-    """One solve, failed ones too: what was asked, what came of it, and where a neighbour's solve would begin."""
+def of_solve(scalarisation: Scalarisation, solution: Solution, as_found: Solution | None = None) -> Record:
+    """One solve, failed ones too: what was asked and all that came of it, so that it need not be done again.
+
+    Where others have proved the solution later, ``as_found`` is it without a proof, as its solver has found it.
+    """
     point = {
         "x": solution.x,
         "objectives": solution.objectives,
         "verdict": solution.audit.verdict if solution.audit is not None else None,
     }
-    instants = [{name: value for name, value in vars(i).items() if value is not None} for i in solution.instants]
     return _record(
         SOLVE,
         [point],
@@ -47,8 +51,19 @@ def of_solve(scalarisation: Scalarisation, solution: Solution) -> Record:
         iterations=solution.iterations,
         rounds=solution.rounds,
         seconds=solution.seconds,
-        instants=instants,
+        solution=of_solution(as_found or solution),
+        **({KEY: solution.key} if solution.key else {}),
     )
+
+
+def of_start(scalarisation: Scalarisation, solution: Solution, first: Any = None) -> Record:
+    """A solve on the way to one that counts, such as a random start, with what its first NLP has ended with."""
+    return {**of_solve(scalarisation, solution), "kind": START, "points": [], "first": first}
+
+
+def of_opening(first: Any) -> Record:
+    """A random start that was not followed beyond its first NLP."""
+    return {"kind": OPENING, "points": [], "first": first}
 
 
 def of_population(xs: Iterable[ArrayLike]) -> Record:

@@ -72,6 +72,7 @@ class Solution(Shown, NLPResult):
         certificate: of global optimality, where one was asked for.
         history: of a population, a row a generation.
         gains: what each limit costs, largest first, where a local solver ended in an optimum.
+        key: of the job that has found it just so; empty for any other.
     """
 
     objectives: Mapping[str, float] = field(default_factory=dict)
@@ -88,6 +89,7 @@ class Solution(Shown, NLPResult):
     certificate: Certificate | None = None
     history: pd.DataFrame | None = None
     gains: tuple[LimitGain, ...] = ()
+    key: str = ""
 
     @classmethod
     def of(cls, result: NLPResult, **more: Any) -> Self:
