@@ -16,13 +16,14 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias bench-scenes coverage lint clean
+.PHONY: help front test test-slow kill resume-kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias bench-workers bench-scenes coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
 	@echo "make test       install with the test tools, run the default tests"
 	@echo "make test-slow  the slow tests"
 	@echo "make kill       a front killed at 20 random moments: nothing finished is lost"
+	@echo "make resume-kill a front killed at 10 random moments and gone on with, without workers and with two: the same bytes"
 	@echo "make fuzz       2000 mutated files, and 2000 tasks: what is proved of them holds, none ends in a traceback"
 	@echo "make fuzz-clearance 2000 random motions past random bodies: no proof and no violation that a scan contradicts; minutes"
 	@echo "make coverage   all tests, with their coverage"
@@ -32,6 +33,7 @@ help:
 	@echo "make bench-ruckig random moves of a UR5 beside Ruckig's optimum: durations, proofs, seconds; minutes"
 	@echo "make bench-toppra random paths of a UR5 beside TOPP-RA: durations, proofs, excess, seconds; ten minutes"
 	@echo "make bench-clearance a proof of clearances beside coal at 10 000 instants; some 10 s"
+	@echo "make bench-workers what two and four workers save, by a clock of its own; half an hour"
 	@echo "make bench-vias what 10, 100 and 1000 via points cost; minutes"
 	@echo "make bench-scenes SCENES=FOLDER problems of MotionBenchMaker in clutter beside OMPL and TOPP-RA; hours, and goes on"
 	@echo "                where it was stopped"
@@ -51,6 +53,9 @@ test-slow: $(VENV)/.installed-dev
 
 kill: $(VENV)/.installed-dev
 	$(BIN)/python benchmarks/kill.py
+
+resume-kill: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.resume_kill
 
 fuzz: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.fuzz
@@ -85,6 +90,9 @@ bench-clearance: $(VENV)/.installed-dev
 
 bench-vias: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.via_points
+
+bench-workers: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.workers
 
 bench-scenes: $(VENV)/.installed-dev
 ifeq ($(SCENES),)

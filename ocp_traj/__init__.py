@@ -10,6 +10,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which run no ``__getattr_
     from ocp_traj import curves as curves
     from ocp_traj import problems as problems
     from ocp_traj import solvers as solvers
+    from ocp_traj.api import certify_front as certify_front
     from ocp_traj.api import pareto as pareto
     from ocp_traj.api import payload as payload
     from ocp_traj.api import solve as solve
@@ -38,6 +39,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which run no ``__getattr_
     from ocp_traj.io.store import save_run as save_run
     from ocp_traj.proof.audit import audit as audit
     from ocp_traj.results.front import Front as Front
+    from ocp_traj.results.front_comparison import compare_fronts as compare_fronts
     from ocp_traj.results.solution import Solution as Solution
     from ocp_traj.results.trajectory import Trajectory as Trajectory
     from ocp_traj.robot.joint_limits import JointLimits as JointLimits
@@ -62,7 +64,9 @@ _PUBLIC = {
     "Task": "ocp_traj.formulation.task:Task",
     "solve": "ocp_traj.api:solve",
     "pareto": "ocp_traj.api:pareto",
+    "certify_front": "ocp_traj.api:certify_front",
     "payload": "ocp_traj.api:payload",
+    "compare_fronts": "ocp_traj.results.front_comparison:compare_fronts",
     "register": "ocp_traj.formulation.registry:register",
     "load_run": "ocp_traj.io.run_reader:load_run",
     "save_run": "ocp_traj.io.store:save_run",

@@ -23,7 +23,7 @@ from ocp_traj.parallel.choice import workers_for
 from ocp_traj.parallel.workers import Workers
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.alternatives import best_front
-from ocp_traj.results.front import Front
+from ocp_traj.results.front import Front, Point
 from ocp_traj.results.limit_gains import limit_gains
 from ocp_traj.results.pareto_set import ENDED_AFTER, proved_front
 from ocp_traj.results.records import Found, Record, ignore
@@ -35,6 +35,7 @@ from ocp_traj.solvers import methods
 from ocp_traj.solvers.branch_and_bound import BranchAndBound, is_certifiable, require_certifiable
 from ocp_traj.solvers.by_levels import ByLevels, finest
 from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.front_certifier import FrontCertifier, require_front_certifiable
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.payload import OBJECTIVE as PAYLOAD_MASS
 from ocp_traj.solvers.payload import LargestPayload, along, static_bound, within
@@ -296,6 +297,7 @@ def pareto(
     seed: int = 0,
     budget: float | None = None,
     keep_unproved: bool = False,
+    certify: bool = False,
     output: str | Path | None = None,
     force: bool = False,
     found: Found = ignore,
@@ -313,6 +315,7 @@ def pareto(
         seed: of everything random.
         budget: stop after this time [s] with what is there; to prove that takes a little longer.
         keep_unproved: whether points stay that are not proved, even slowed down.
+        certify: whether to bound what the front leaves out; see ``certify_front``. Refused at once where it cannot be.
         output: folder to write the run to, as ``ocp-traj pareto -o`` does: what is finished is on the disk at once.
         force: whether a run that is there is replaced.
         found: given a record of each finished solve, or of a population now and then.
@@ -330,17 +333,27 @@ def pareto(
         with workers_for(problem, workers, cluster) as chosen:
             return pareto(
                 problem, objectives, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
-                output=output, force=force, found=found, progress=progress, workers=chosen, **options,
+                certify=certify, output=output, force=force, found=found, progress=progress, workers=chosen, **options,
             )  # fmt: skip
+    if certify:
+        require_front_certifiable(problem, objectives)
     run = partial(
         _pareto, problem, objectives, method=method, seed=seed, budget=budget, keep_unproved=keep_unproved,
         progress=progress, workers=workers, **options,
     )  # fmt: skip
     with stopping():
         if output is None:
-            return run(found=found)
+            front = run(found=found)
+            return certify_front(front, progress=progress) if certify and not current().interrupted else front
         asked = request(
-            problem, objectives, method, seed=seed, budget=budget, keep_unproved=keep_unproved, options=options
+            problem,
+            objectives,
+            method,
+            seed=seed,
+            budget=budget,
+            keep_unproved=keep_unproved,
+            certify=certify,
+            options=options,
         )
         with Run(output, asked, force=force) as kept:
 
@@ -349,11 +362,31 @@ def pareto(
                 found(record)
 
             front = run(found=keep)
+            if certify and len(front) and not current().interrupted:
+                front = certify_front(front, progress=progress)
             if len(front):
                 kept.finish(front)
             else:
                 kept.discard()
         return front
+
+
+def certify_front(
+    front: Front, *, reference: Point | None = None, tolerance: float = 0.01, max_seconds: float = 60.0,
+    progress: Progress = silent,
+) -> Front:  # fmt: skip
+    """The front with ``front.certificate``: a lower staircase that no trajectory is below, and the gap to its points.
+
+    Where ``BranchAndBound`` applies, for an objective that grows with time and one that does not, each a power of time.
+
+    Args:
+        front: whose proved points count, as many as there are and nothing between them.
+        reference: worst values worth having, per objective; by default the problem's reference point.
+        tolerance: gap, as a share of the hypervolume above the lower staircase, that counts as certified.
+        max_seconds: stop after this time, with what holds by then.
+        progress: told after each pass.
+    """
+    return FrontCertifier(tolerance, max_seconds=max_seconds, progress=progress).certify(front, reference)
 
 
 def _pareto(

@@ -1,7 +1,8 @@
 """A user's own robot and path: the problem of a task file, ``ocp-traj/task/1``.
 
 Decision variables  of the task's curve: durations, and states at knots; the payload's mass where it is freed
-Objectives          time, work, energy, effort, movement, acceleration, jerk; a weighted sum of them
+Objectives          time, work, energy, effort, movement, acceleration, jerk, length and evenness of the tool's path,
+                    clearance; a weighted sum of them
 Subject to          the limits of the task, rest or given derivatives at the ends, its points
 """
 

@@ -119,7 +119,7 @@ class FrontCurve:
         front = self.front
         solution = front.work.take(begun, front.replace)
         new = solution.ok and front.take(solution, span)
-        front.told()
+        front.tell()
         waiting = front.work.waiting
         if len(waiting) >= TOGETHER or sum(one.iterations * one.row_count for one in waiting) > PATIENCE:
             front.work.prove()

@@ -8,6 +8,7 @@ import numpy as np
 
 from ocp_traj.errors import NoSolutionFound
 from ocp_traj.formulation.scalarise import EpsilonConstraint, Scalarisation
+from ocp_traj.progress import silent
 from ocp_traj.results.records import of_solve
 from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.by_levels import ByLevels
@@ -46,7 +47,7 @@ class FrontEnds:
         front, work = self.front, self.front.work
         missing: list[tuple[str, Solution]] = []
         for k, name in enumerate(front.names):
-            solution = self._from_guesses(self._end(name), k)
+            solution = self._from_guesses(self._end(name), k, f"the best {name}")
             work.count(self._end(name), solution)
             if solution.ok:
                 front.add(solution)
@@ -84,15 +85,21 @@ class FrontEnds:
                 return
             other, value = front.names[1 - k], front.values[k, k]
             scalar = EpsilonConstraint(other, {name: float(front.signs[k] * (value + LOSS * span[k]))})
-            solution = self._from_guesses(scalar, len(front.names) + k)
+            solution = self._from_guesses(scalar, len(front.names) + k, f"the best {other} of those")
             front.work.count(scalar, solution)
             if solution.ok and front.value(solution)[1 - k] < front.values[k, 1 - k] - WORTHWHILE * span[1 - k]:
                 front.replace(front.solutions[k], solution)
 
-    def _from_guesses(self, scalar: Scalarisation, number: int) -> Solution:
-        many = replace(self.many, seed=self.many.seed + number)
-        solver = many if self.front.problem.levels is None else ByLevels(many, refine=False)
-        return solver.solve(self.front.problem, scalar)
+    def _from_guesses(self, scalar: Scalarisation, number: int, words: str) -> Solution:
+        front = self.front
+
+        def tell(done: int, total: int, _: str) -> None:
+            front.tell(f"{words}, {done} of {total} starts")
+
+        told = silent if front.progress is silent else tell
+        many = replace(self.many, seed=self.many.seed + number, progress=told)
+        solver = many if front.problem.levels is None else ByLevels(many, refine=False)
+        return solver.solve(front.problem, scalar)
 
     def _end(self, name: str) -> EpsilonConstraint:
         known = self.front.problem.reference_point

@@ -11,6 +11,7 @@ from ocp_traj.arrays import Array
 from ocp_traj.evolution.population import Population
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent
+from ocp_traj.results.indicators import hypervolume_so_far
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.trajectory import audit_points
 from ocp_traj.solvers.waves import Solves
@@ -19,6 +20,7 @@ from ocp_traj.transcription.symbolic import evaluate_objectives
 
 SAME = 1e-9  # of the front's extent: points closer than this in every objective are one; our choice
 FLAT = 1e-7  # relative: ends closer than this are one point; our choice, far above what back-off and solver leave open
+EXACT = 4  # objectives up to which the hypervolume of a thousand points takes some milliseconds: it is told of
 
 
 class FrontPoints:
@@ -127,8 +129,20 @@ class FrontPoints:
         self.keep(np.flatnonzero(~worse).tolist())
         return True
 
-    def told(self) -> None:
-        """Tells of the last point."""
-        last = self.values[-1] * self.signs
-        words = ", ".join(f"{name} {value:.6g}" for name, value in zip(self.names, last, strict=True))
-        self.progress(len(self), self.wanted, words)
+    def tell(self, doing: str = "", done: int | None = None) -> None:
+        """Tells how far it is: points, solves, hypervolume, workers."""
+        if self.progress is silent:
+            return
+        words = [doing] if doing else []
+        words.append(self.work.words)
+        few = len(self.names) <= EXACT
+        if few and (share := hypervolume_so_far(self.values, self.reference, self._best())) is not None:
+            words.append(f"hypervolume {share:.4f}")
+        self.progress(len(self) if done is None else done, self.wanted, ", ".join(words))
+
+    def _best(self) -> Array:
+        """The ideal point, less is better: the problem's own, else that of the points so far."""
+        known = self.problem.ideal_point(self.names)
+        if not known:
+            return np.asarray(self.values.min(axis=0, initial=np.inf))
+        return self.signs * np.array([known[name] for name in self.names])

@@ -92,8 +92,7 @@ class FrontSurface:
             tried += len(aims)
             points += found
             self._box.refill()
-            words = f"{len(front)} points, {self.dilations} by time scaling, {self._box.hypervolume:.3f} of the box"
-            front.progress(min(points, front.wanted), front.wanted, words)
+            front.tell(f"{len(front)} points, {self.dilations} of them dilations", min(points, front.wanted))
 
     def thin(self) -> None:
         """Keeps as many points as are wanted, those that dominate most of the box together, the ends among them."""

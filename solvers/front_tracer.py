@@ -72,7 +72,8 @@ class FrontTracer:
         work = Solves(problem, self.solver, self.workers, self.found)
         front = FrontPoints(problem, tuple(objectives), work, self.points, self.progress)
         starts = max(self.starts, problem.tuning.starts)
-        ends = FrontEnds(front, Multistart(self.solver, starts, self.seed, workers=self.workers, found=self.found))
+        many = Multistart(self.solver, starts, self.seed, workers=self.workers, found=self.found)
+        ends = FrontEnds(front, many)
         surface: FrontSurface | None = None
         with stopping(self.max_seconds) as stop:
             complete = False

@@ -39,13 +39,11 @@ from ocp_traj.progress import Progress, silent
 from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet
 from ocp_traj.results.records import Found, ignore
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.solvers.front_tracer import FrontTracer
 from ocp_traj.solvers.refinement import refine, well_spaced
+from ocp_traj.solvers.seeding import ends_of, first_generation, inside
 from ocp_traj.stopping import Stopping, stopping
 
 SHARE = 0.5  # of the time that is left, for evolution; the rest is for refinement: our choice
-NEAR, FAR = 1e-4, 1e-1  # of a variable's range: steps from the ends' connection, evenly in their logarithm; our choice
-SLOWEST = 1.3  # dilation of a seeded point at most: our choice
 CANNOT_ACT = {
     "migration": "both directions, every 20 generations, fraction 0.2: there is one population",
     "parallel evaluation": "a generation is one call",
@@ -111,23 +109,13 @@ class HMOGA:
 
     def _run(self, problem: Problem, objectives: Sequence[str], stop: Stopping) -> ParetoSet:
         begun = time.perf_counter()
-        tracer = FrontTracer(len(objectives), solver=self.solver, starts=self.starts, seed=self.seed, found=self.found)
-        ends = tracer.pareto(problem, objectives)
-        info: dict[str, Any] = {
-            "ends": {**ends.info, "points": len(ends.xs), "seconds": ends.seconds},
-            "cannot act": CANNOT_ACT,
-        }
-        if ends.info.get("conflict") is False:
-            info["conflict"] = False
-        if "ideal" in ends.info:
-            info["ideal"] = ends.info["ideal"]
-        if ENDED_AFTER in ends.info:
-            info[ENDED_AFTER] = f"{len(ends.xs)} of {len(objectives)} ends of the front"
+        ends, info = ends_of(problem, objectives, self.solver, self.starts, self.seed, np.inf, self.found)
+        info["cannot act"] = CANNOT_ACT
         if ENDED_AFTER in info or "conflict" in info:
             return ParetoSet(ends.xs, "hmoga", self.seed, ends.seconds, info, ends.interrupted)
         rng = np.random.default_rng(self.seed)
         target = PymooProblem(problem, objectives, self.per_segment, tolerance=self.constraint_tolerance, known=ends.xs)
-        first = self._first(problem, objectives, list(ends.xs), rng, (target.xl, target.xu))
+        first = first_generation(target, problem, objectives, list(ends.xs), self.population, self.seeded, rng)
         watch = Watch(self.stall, self.function_tolerance, _box(target, first[: len(ends.xs)]))
         algorithm = PymooNSGA2(
             pop_size=self.population,
@@ -151,7 +139,7 @@ class HMOGA:
             "history": {"generation": list(range(1, len(watch.rows) + 1)), **watch.history.to_dict("list")},
             **({} if watch.stalled else ended_after(run, self.generations)),
         }
-        genetic = [x for x in _inside(target, run.best) if not any(np.array_equal(x, end) for end in ends.xs)]
+        genetic = [x for x in inside(target, run.best) if not any(np.array_equal(x, end) for end in ends.xs)]
         if run.interrupted or not len(run.history):
             return self._merged([*ends.xs, *genetic], begun, info, run.interrupted)
         # The ends solve an NLP already: goal attainment has nothing to give them.
@@ -177,34 +165,6 @@ class HMOGA:
     def _merged(self, xs: list[Array], begun: float, info: dict[str, Any], interrupted: bool) -> ParetoSet:
         """All points; whoever makes a front of them proves and ranks them."""
         return ParetoSet(xs, "hmoga", self.seed, time.perf_counter() - begun, info, interrupted)
-
-    def _first(
-        self, problem: Problem, objectives: Sequence[str], ends: list[Array], rng: np.random.Generator,
-        box: tuple[Array, Array],
-    ) -> Array:  # fmt: skip
-        """The first generation ``(population, n)``: the ends, points between and around them, random points."""
-        points = ends[: self.population]
-        inactive = problem.inactive(objectives)
-        lower, upper = box
-        while len(points) < self.population:
-            if ends and len(points) < self.seeded * self.population:
-                one, other = rng.integers(len(ends), size=2)
-                x = ends[one] + rng.uniform() * (ends[other] - ends[one])
-                if problem.dilate is not None:
-                    x = np.asarray(problem.dilate(x, rng.uniform(1.0, SLOWEST)))
-                step = NEAR * (FAR / NEAR) ** rng.uniform()
-                x = np.clip(x + step * (upper - lower) * rng.standard_normal(problem.size), lower, upper)
-            else:
-                x = problem.guess(rng)
-            points.append(np.where(inactive, lower, x))
-        return np.array(points)
-
-
-def _inside(target: PymooProblem, xs: Array) -> list[Array]:
-    """The points within the reference point, with nothing overlooked."""
-    if not len(xs):
-        return []
-    return list(xs[(target.population.evaluate(xs).objectives * target.signs <= target.worst).all(axis=1)])
 
 
 def _least_broken(pop: Any, count: int) -> list[Array]:

@@ -27,6 +27,7 @@ FRONT = {
     "nsga2": "ocp_traj.solvers.nsga2:NSGA2",
     "mopso": "ocp_traj.solvers.mopso:MOPSO",
     "hmoga": "ocp_traj.solvers.hmoga:HMOGA",
+    "memetic": "ocp_traj.solvers.memetic:Memetic",
 }
 
 

@@ -36,7 +36,7 @@ class _Given(Sampling):  # type: ignore[misc]  # pymoo is untyped
         return self.points[:n_samples]
 
 
-class _Competitive(CMOPSO):  # type: ignore[misc]  # pymoo is untyped
+class CompetitiveSwarm(CMOPSO):  # type: ignore[misc]  # pymoo is untyped
     """pymoo's, with its archive's tournaments drawn from the algorithm's generator: else they ignore the seed."""
 
     def _setup(self, problem: Any, **kwargs: Any) -> None:
@@ -57,6 +57,7 @@ class MOPSO:
         variant: ``competitive`` (CMOPSO) or ``crowding`` (MOPSO-CD).
         archive: largest number of points kept by MOPSO-CD.
         per_segment: instants a segment at which limits are looked at, at least its degree; the audit has the last word.
+        dilate: whether individuals that break a limit are slowed down until they keep it, where that can be done.
         max_seconds: stop after the iteration that passes this.
         progress: told after each iteration.
         found: given a record of the feasible points that are best, now and then.
@@ -68,6 +69,7 @@ class MOPSO:
     variant: str = choice("competitive", ("competitive", "crowding"))
     archive: int = count(100)
     per_segment: int = count(5, least=2)
+    dilate: bool = False
     max_seconds: float = np.inf
     progress: Progress = silent
     found: Found = ignore
@@ -80,14 +82,14 @@ class MOPSO:
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
         """The archive's feasible points; Ctrl-C ends it early with those it has."""
         rng = np.random.default_rng(self.seed)
-        target = PymooProblem(problem, objectives, self.per_segment, "dominated")
+        target = PymooProblem(problem, objectives, self.per_segment, "dominated", dilate=self.dilate)
         start = np.array([problem.guess(rng) for _ in range(self.population)])
         if self.variant == "crowding":
             algorithm = MOPSO_CD(
                 pop_size=self.population, sampling=_Given(start), archive_size=self.archive, seed=self.seed
             )
         else:
-            algorithm = _Competitive(
+            algorithm = CompetitiveSwarm(
                 pop_size=self.population, sampling=start, elite_size=max(10, self.population // 10)
             )
         run = evolve(algorithm, target, self.generations, self.seed, self.max_seconds, self.progress, found=self.found)

@@ -33,6 +33,7 @@ class NSGA2:
         crossover, mutation: probabilities, of a pair and of a variable.
         crossover_index, mutation_index: distribution indices of SBX and polynomial mutation.
         per_segment: instants a segment at which limits are looked at, at least its degree; the audit has the last word.
+        dilate: whether individuals that break a limit are slowed down until they keep it, where that can be done.
         max_seconds: stop after the generation that passes this.
         progress: told after each generation.
         found: given a record of the feasible points that are best, now and then.
@@ -46,6 +47,7 @@ class NSGA2:
     crossover_index: float = number(10.0, least=0.0)
     mutation_index: float = number(100.0, least=0.0)
     per_segment: int = count(5, least=2)
+    dilate: bool = False
     max_seconds: float = np.inf
     progress: Progress = silent
     found: Found = ignore
@@ -58,7 +60,7 @@ class NSGA2:
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
         """The last generation's non-dominated feasible individuals; Ctrl-C ends it early with those it has."""
         rng = np.random.default_rng(self.seed)
-        target = PymooProblem(problem, objectives, self.per_segment)
+        target = PymooProblem(problem, objectives, self.per_segment, dilate=self.dilate)
         algorithm = PymooNSGA2(
             pop_size=self.population,
             sampling=np.array([problem.guess(rng) for _ in range(self.population)]),

@@ -77,6 +77,13 @@ def well_spaced(f: Array, count: int) -> Index:
     return np.sort(np.array(chosen))
 
 
+def attainment(objectives: Sequence[str], goal: Array, weight: Array) -> GoalAttainment:
+    """Towards a goal ``(objectives,)``, in the objectives' own sense, with weights ``(objectives,)``."""
+    return GoalAttainment(
+        dict(zip(objectives, goal.tolist(), strict=True)), dict(zip(objectives, weight.tolist(), strict=True))
+    )
+
+
 def refine(
     problem: Problem,
     objectives: Sequence[str],
@@ -126,10 +133,7 @@ def _refine(
     neighbour: Solution | None = None
     for done, i in enumerate(np.lexsort(f.T[::-1]).tolist()):  # along the front
         current().check()
-        goal = GoalAttainment(
-            dict(zip(objectives, (f[i] * signs).tolist(), strict=True)),
-            dict(zip(objectives, w[i].tolist(), strict=True)),
-        )
+        goal = attainment(objectives, f[i] * signs, w[i])
         solution = _solved(problem, goal, points[i], solver, neighbour, found, tell)
         if solution is None:
             found.failed += 1

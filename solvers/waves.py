@@ -133,6 +133,14 @@ class Solves:
         self.count(request.scalarisation, solution)
         return solution
 
+    @property
+    def words(self) -> str:
+        """How many solves are done, how many of them have failed, and how many workers are busy."""
+        found = f"{self.solves} solves, {self.failed} failed"
+        if self.workers.count:
+            found += f", {self.workers.busy} of {self.workers.count} workers busy"
+        return found
+
     def count(self, scalarisation: Scalarisation, solution: Solution, as_found: Solution | None = None) -> None:
         """Counts a solve, and tells of it, as its job has found it where it was proved later."""
         if self.found is not ignore:

@@ -18,8 +18,9 @@ from ocp_traj.formulation.scalarise import EpsilonConstraint, WeightedSum
 from ocp_traj.proof.audit import audit
 from ocp_traj.results.solution import Certificate, Solution
 from ocp_traj.results.trajectory import trajectory_of
-from ocp_traj.solvers.branch_and_bound import BranchAndBound, Search
+from ocp_traj.solvers.branch_and_bound import BranchAndBound
 from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.ratio_search import Search
 from ocp_traj.transcription.nlp import Status
 
 TIME = WeightedSum({"time": 1.0})

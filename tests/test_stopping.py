@@ -131,7 +131,7 @@ def test_an_interrupted_certificate_keeps_the_solution_and_the_bound_so_far() ->
 @pytest.mark.parametrize(
     ("method", "options", "call", "ended"),
     [
-        ("trace", {"points": 20}, 3, "5 of 20 points"),
+        ("trace", {"points": 20}, 7, "5 of 20 points"),
         ("nsga2", {"population": 20, "generations": 50}, 9, "9 of 50 generations"),
         ("mopso", {"population": 20, "generations": 50}, 9, "9 of 50 generations"),
         ("hmoga", {"points": 6, "population": 20, "generations": 50}, 9, "9 of 50 generations"),
@@ -157,7 +157,7 @@ def test_pareto_without_a_point_is_an_empty_front() -> None:
 
 def test_a_front_of_alternatives_says_which_are_missing() -> None:
     problem = replace(quintic_problem(), alternatives={"left": quintic_problem(), "right": quintic_problem()})
-    front = ot.pareto(problem, BOTH, points=9, progress=ctrl_c_at(3))
+    front = ot.pareto(problem, BOTH, points=9, progress=ctrl_c_at(7))
     assert front.info["interrupted"] is True
     assert front.info["ended after"] == "5 of 9 points of left, nothing of right"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from functools import cache
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 import ocp_traj as ot
+from ocp_traj.cli.commands import run
 from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.formulation.task_file import task_of
 from ocp_traj.formulation.task_resolution import resolve
@@ -164,9 +166,16 @@ def test_a_free_payload_and_the_clearance_are_both_parameters() -> None:
     assert problem.tighten_slacks(x).shape == x.shape and problem.dilate(x, 2.0)[-2] == x[-2]
 
 
-def test_links_that_are_left_out_are_told_with_every_result() -> None:
+def test_links_that_are_left_out_are_told_with_every_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert not _problem().about.notes
     fields = _problem().case.fields()
     fields["collision"] = {**fields["collision"], "touching": [["rod", "gripper"]]}
     (note,) = ot.problems.load("task", **fields).about.notes
     assert "not looked at" in note and note.endswith("rod - gripper")
+    data = _solution().trajectory.to_dict()
+    data["case"]["collision"] = {**data["case"]["collision"], "touching": [["rod", "gripper"]]}
+    ot.Trajectory.from_dict(data).save(tmp_path / "t.json")
+    assert run(["audit", str(tmp_path / "t.json"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["notes"] == [note]
+    assert run(["audit", str(tmp_path / "t.json")]) == 0
+    assert "rod - gripper" in capsys.readouterr().out

@@ -20,7 +20,7 @@ from ocp_traj.io.export import FORMATS, format_class
 from ocp_traj.robot.dh import KEYS
 
 TEXT = task_example()
-TOOL_PATHS = ("line", "arc", "poses", "speed", "free_turn")  # keys of moves that go along one
+TOOL_PATHS = ("line", "arc", "poses", "speed", "free_turn", "blend")  # keys of moves that go along one
 HEADER = re.compile(r"^\[\[?(\w+)\]\]?$")
 LEFT_OUT = re.compile(r"^# (\w+) = (.*)$")
 
@@ -113,7 +113,7 @@ def test_what_is_left_out_may_be_taken_in(table: str, key: str, value: str) -> N
         points = here.pop("via")
         if key in TOOL_PATHS:
             here |= {"start": points[0], "tolerance": {"position": 1e-3, "tilt": 0.035}}
-            here.setdefault("line" if key in ("speed", "free_turn") else key, {"by": [0.0, 0.0, 0.1]})
+            here.setdefault("line" if key in ("speed", "free_turn", "blend") else key, {"by": [0.0, 0.0, 0.1]})
     if key == "point":
         here["path"] = "a-run"
     if table == "move" and key == "start":

@@ -57,7 +57,7 @@ BROKEN = [
     (TOLERANCE, TOLERANCE + "\nspeed = { value = 0.1, band = 2.0 }", r"speed.band is 2.0; give a share below 1"),
     (TOLERANCE, TOLERANCE + "\nspeed = { value = 0.1, run_up = 0.2 }", r"its run_up is 0.2 m; give more than"),
     (TOLERANCE, TOLERANCE + "\nbegin = { velocity = [0, 0, 0, 0, 0, 0] }", r"a tool path begins and ends at rest"),
-    (TOLERANCE, TOLERANCE + "\nblend = 0.01", r"blend is not built in this version; leave it out"),
+    (TOLERANCE, TOLERANCE + "\nblend = 0.01", r"the blend of move 1 has no corner to round"),
     ("start = [0.0, -1.3, 1.4, -1.6, -1.5, 0.0] ", "", r"start is missing; give the joints at which it begins"),
     ("start = [0.0, -1.3, 1.4, -1.6, -1.5, 0.0]", "start = [0.0, 1.0]", r"start has 2 coordinates"),
     ("start = [0.0, -1.3", "start = [9.0, -1.3", r"its start has shoulder_pan_joint beyond its range"),

@@ -250,6 +250,9 @@ def pareto(
     keep_unproved: Annotated[bool, typer.Option(help="Keep points that are not proved.")] = False,
     workers: WorkerCount = 0,
     cluster: ClusterAddress = None,
+    certify: Annotated[
+        bool, typer.Option("--certify", help="Bound what the front leaves out; refused where no bound is known.")
+    ] = False,
     force: Annotated[bool, typer.Option(help="Replace an existing run.")] = False,
     json: AsJson = False,
 ) -> int:
@@ -260,6 +263,7 @@ def pareto(
     from ocp_traj.cli import fronts
     from ocp_traj.io.store import Run, request
     from ocp_traj.parallel.choice import workers_for
+    from ocp_traj.solvers.front_certifier import require_front_certifiable
 
     chosen = _load(problem, set_)
     task = _task(chosen)
@@ -282,10 +286,12 @@ def pareto(
     options = methods.options_from_text(methods.FRONT, method, _pairs(option, "--option"))
     if points is not None:
         options["points"] = points
+    if certify:
+        require_front_certifiable(chosen, names)
     source = None if task is None else {"file": os.path.abspath(problem), "changes": _pairs(set_, "--set")}
     asked = request(
-        chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, options=options, corners=corners,
-        task=source,
+        chosen, names, method, seed=seed, budget=budget, keep_unproved=keep_unproved, certify=certify,
+        options=options, corners=corners, task=source,
     )  # fmt: skip
     with workers_for(chosen, workers, cluster) as hands, stopping() as stop:
         with Run(output, asked, force=force) as kept:
@@ -316,6 +322,49 @@ def resume(
         fronts.say_of(found)
         with workers_for(found.problem, workers, cluster, found.known) as hands, stopping() as stop:
             return fronts.trace(found.problem, found.asked, kept, hands, stop, json, found.budget)
+
+
+@app.command()
+@one_blas_thread
+def compare(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN ..", help="Run folders of one problem and case.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Draw all fronts here (PNG, PDF or SVG).")
+    ] = None,
+    reference: Annotated[
+        str | None, typer.Option(metavar="A,B[,..]", help="Reference point of all; the problem's own if not given.")
+    ] = None,
+    ideal: Annotated[
+        str | None, typer.Option(metavar="A,B[,..]", help="Ideal point of all; the problem's own if not given.")
+    ] = None,
+    json: AsJson = False,
+) -> None:
+    """Compares the fronts of runs, with one reference and one ideal for all.
+
+    Example: ocp-traj compare runs/a runs/b -o both.png
+    """
+    from ocp_traj.cli.comparison_sheet import comparison_sheet
+    from ocp_traj.io.run_reader import load_run, read_manifest
+    from ocp_traj.results.front_comparison import compare_fronts, require_alike
+
+    if output is not None:
+        from ocp_traj.io.plot import check_picture
+        from ocp_traj.io.plot_fronts import plot_fronts
+
+        check_picture(output)
+        check_writable(output)
+    names = [str(run) for run in runs]
+    if len(set(names)) < len(names):
+        raise InputError(f"{', '.join(names)} name one run twice; give each once")
+    asked = dict(zip(names, map(read_manifest, runs), strict=True))
+    require_alike(asked)
+    traded = tuple(asked[names[0]]["objectives"])
+    corners = [_point(text, traded, what) for text, what in ((reference, "--reference"), (ideal, "--ideal"))]
+    fronts = {name: load_run(run) for name, run in zip(names, runs, strict=True)}
+    compared, problem = compare_fronts(fronts, *corners), fronts[names[0]].problem
+    if output is not None:
+        console.say(f"picture: {plot_fronts(compared, problem, output)}")
+    console.show(comparison_sheet(compared, problem.id), json)
 
 
 @app.command()
@@ -399,7 +448,7 @@ def audit(
         checked = run_audit(moved, read_requirements(limits), allowance=allowed)
     if not checked.rows:
         raise InputError(f"{limits or moved.problem} asks nothing of {trajectory}: nothing is proved; give a limit")
-    console.show(sheets.audit_sheet(checked), json)
+    console.show(sheets.audit_sheet(checked, moved.posed if limits is None else None), json)
     return _verdict(checked)
 
 

@@ -64,16 +64,17 @@ def interrupted(words: str) -> int:
 
 @contextmanager
 def progress(title: str) -> Iterator[progress_module.Progress]:
-    """A progress bar on stderr while the block runs; nothing where stderr is no terminal."""
+    """A progress bar on stderr while the block runs, with the time that is likely left; nothing off a terminal."""
     if not sys.stderr.isatty():
         yield progress_module.silent
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     done = TextColumn("{task.completed}/{task.total}")
     words_column = TextColumn("{task.fields[words]}")
-    columns = (TextColumn("{task.description}"), BarColumn(), done, TimeElapsedColumn(), words_column)
+    left = TimeRemainingColumn(), TextColumn("left")
+    columns = (TextColumn("{task.description}"), BarColumn(), done, TimeElapsedColumn(), *left, words_column)
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=None, words="")
         yield lambda done, total, words: bar.update(task, completed=done, total=total or None, words=words)

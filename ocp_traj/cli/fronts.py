@@ -43,8 +43,12 @@ def trace(
                 keep_unproved=asked["keep_unproved"], found=kept.found, progress=progress, workers=workers,
                 **asked["options"],
             )  # fmt: skip
+        reference, ideal = asked.get("corners", (None, None))
+        if asked.get("certify") and len(front) and not stop.interrupted:
+            with console.progress("certifying") as progress:
+                front = api.certify_front(front, reference=reference, progress=progress)
         if len(front):
-            volume = front.hypervolume(*asked.get("corners", (None, None)))
+            volume = front.hypervolume(reference, ideal)
             folder = kept.finish(front, volume)
         else:
             kept.discard()

@@ -139,9 +139,13 @@ def _audit_tables(checked: Audit) -> list[Rows]:
     return tables
 
 
-def audit_sheet(checked: Audit) -> Sheet:
-    """The rows of an audit."""
-    return Sheet(audit_values(checked), _audit_tables(checked))
+def audit_sheet(checked: Audit, problem: Problem | None = None) -> Sheet:
+    """The rows of an audit, and what its problem has that they do not say, such as pairs that are not looked at."""
+    notes = () if problem is None else problem.about.notes
+    return Sheet(
+        audit_values(checked) | {"notes": list(notes)},
+        _audit_tables(checked) + ([] if problem is None else _notes(problem)),
+    )
 
 
 def solution_sheet(problem: Problem, solution: Solution) -> Sheet:
@@ -267,6 +271,8 @@ def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
         "run": str(folder),
         "picture": str(folder / "front.png"),
     }
+    if front.certificate is not None:
+        data["certificate"] = front.certificate.to_dict()
     own = " (from its own ideal: not comparable)" if volume.own_ideal else ""
     title = (
         f"{front.problem.id}: {len(front)} proved points by {front.method} in {front.seconds:.1f} s; "
@@ -277,6 +283,8 @@ def front_sheet(front: Front, volume: Hypervolume, folder: Path) -> Sheet:
 
 def front_remarks(front: Front) -> Iterator[str]:
     """What a reader of a front should not overlook."""
+    if front.certificate is not None:
+        yield front.certificate.explain()
     if front.info.get("moved") is False:
         yield f"{front.method} found nothing better than its first generation, which is what this front is made of"
     if front.info.get("conflict") is False:

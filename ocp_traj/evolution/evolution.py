@@ -17,6 +17,7 @@ import pymoo.core.problem
 
 from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError, NoSolutionFound
+from ocp_traj.evolution.dilation import Dilation
 from ocp_traj.evolution.population import Population
 from ocp_traj.evolution.search_box import search_box
 from ocp_traj.formulation.problem import Problem
@@ -49,6 +50,7 @@ class PymooProblem(pymoo.core.problem.Problem):  # type: ignore[misc]  # pymoo i
         handling: of constraints, one of ``HANDLING``.
         weight: of ``penalty``, in units of the objectives' scales.
         tolerance: excess of a limit, in its scale, that is overlooked.
+        dilation: slows individuals down that break a limit, which changes them; None for none.
         seconds, calls, individuals: spent on evaluation.
         last: the individuals of the last call, their first objective and sums of excesses.
     """
@@ -56,7 +58,7 @@ class PymooProblem(pymoo.core.problem.Problem):  # type: ignore[misc]  # pymoo i
     def __init__(
         self, problem: Problem, objectives: Sequence[str], per_segment: int,
         handling: str = "feasibility", weight: float = 1e3, refine: bool = False, scaling: bool = False,
-        tolerance: float = 0.0, known: Sequence[Array] = (),
+        tolerance: float = 0.0, known: Sequence[Array] = (), dilate: bool = False,
     ) -> None:  # fmt: skip
         if handling not in HANDLING:
             raise InputError(f"constraint handling is {handling!r}; allowed are {', '.join(HANDLING)}")
@@ -65,6 +67,7 @@ class PymooProblem(pymoo.core.problem.Problem):  # type: ignore[misc]  # pymoo i
         # Of a curve of high degree fewer instants hide too much: evolution goes where nobody looks.
         self.population = Population(problem, objectives, max(per_segment, *degrees(problem)), refine)
         self.scaling = TimeScaling(problem) if scaling else None
+        self.dilation = Dilation(problem, self.population, tolerance) if dilate else None
         self.inactive, self.least = problem.inactive(objectives), problem.lower
         chosen = [problem.objective(name) for name in objectives]
         self.signs = np.array([1.0 if o.sense == "min" else -1.0 for o in chosen])
@@ -91,14 +94,30 @@ class PymooProblem(pymoo.core.problem.Problem):  # type: ignore[misc]  # pymoo i
         fixed = np.where(self.inactive, self.least, x)
         return fixed if self.scaling is None else self.scaling.apply(fixed)
 
+    def beyond(self, f: Array) -> Array:
+        """By how much objectives ``(N, objectives)``, less is better, exceed the reference point, in their scales."""
+        bounded = np.isfinite(self.worst)
+        return np.asarray((f[:, bounded] - self.worst[bounded]) / self.scales[bounded])
+
+    def handled(self, f: Array, excess: Array) -> Array:
+        """Objectives ``(N, objectives)`` as the ``handling`` has them for a sum of excesses ``(N,)``."""
+        if self.handling == "penalty":
+            return f + self.weight * self.scales * excess[:, None]
+        if self.handling == "death":
+            return np.where(excess[:, None] > 0.0, WORST, f)
+        if self.handling == "dominated":  # beyond every feasible point, and the farther the more it is broken
+            return np.where(excess[:, None] > 0.0, WORST * (1.0 + np.minimum(excess, WORST)[:, None]), f)
+        return f
+
     def _evaluate(self, x: Array, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
         begun = time.perf_counter()
         x = self.meant(x)
         evaluation = self.population.evaluate(x)
+        if self.dilation is not None:
+            x, evaluation = self.dilation.apply(x, evaluation)
+            out["X"] = x  # the individuals themselves: their descendants inherit it
         f = evaluation.objectives * self.signs
-        bounded = np.isfinite(self.worst)
-        beyond = (f[:, bounded] - self.worst[bounded]) / self.scales[bounded]
-        g = np.concatenate([evaluation.violations, beyond], axis=1)
+        g = np.concatenate([evaluation.violations, self.beyond(f)], axis=1)
         broken = ~np.isfinite(f).all(axis=1)
         g[broken] = WORST
         f = np.where(np.isfinite(f), f, WORST)
@@ -106,12 +125,7 @@ class PymooProblem(pymoo.core.problem.Problem):  # type: ignore[misc]  # pymoo i
         excess = np.maximum(g, 0.0).sum(axis=1)
         if self.handling == "feasibility":
             out["G"] = g
-        elif self.handling == "penalty":
-            f = f + self.weight * self.scales * excess[:, None]
-        elif self.handling == "death":
-            f = np.where(excess[:, None] > 0.0, WORST, f)
-        else:  # beyond every feasible point, and the farther the more it is broken
-            f = np.where(excess[:, None] > 0.0, WORST * (1.0 + np.minimum(excess, WORST)[:, None]), f)
+        f = self.handled(f, excess)
         out["F"], out["excess"] = f, excess
         self.last = (x, f[:, 0], excess)
         self.seconds += time.perf_counter() - begun

@@ -9,8 +9,9 @@ hold each limit; each term gets an even share of it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -19,11 +20,13 @@ from ocp_traj.arrays import Array
 from ocp_traj.curves.families import hermite
 from ocp_traj.curves.least_time import time_law
 from ocp_traj.formulation.tool_moves import ROWS, ToolMove
+from ocp_traj.paths.cartesian import Section
 from ocp_traj.robot.joint_limits import JointLimits
 
 INSIDE = 0.95  # of a limit on the tool's speed: our choice, as all that follow
 FINE = 400  # places along a stretch where limits are looked at
 USUAL = (1.0, 4.0, 40.0)  # [1/s, 1/s2, 1/s3] of the law, of a stretch that nothing limits
+NEAR = 1e-4  # of a stretch, that a line goes on into what rounds its corner
 RAMP = 0.9  # of the run-up, in which a constant speed is reached
 
 
@@ -63,6 +66,35 @@ def stretches_of(first: int, move: ToolMove, limits: JointLimits, tool_speed: fl
     ]
 
 
+@dataclass(frozen=True, eq=False)
+class _Joined:
+    """Splines one after the other, a section each: where a line goes on as an arc, postures have a kink in q''."""
+
+    begins: Array
+    splines: tuple[Callable[[Array, int], Array], ...]
+
+    @classmethod
+    def of(cls, s: Array, postures: Array, sections: Sequence[Section]) -> _Joined:
+        """Through postures at places ``s``, ``ROWS`` a leg, whose sections are given."""
+        firsts = [i for i in range(len(sections)) if i == 0 or sections[i] is not sections[i - 1]]
+        rows = [slice(a * ROWS, b * ROWS + 1) for a, b in pairwise([*firsts, len(sections)])]
+        splines = tuple(make_interp_spline(s[own], postures[own], k=5) for own in rows)
+        begins = np.array([s[own.start] for own in rows])
+        # A knot between a line and what rounds a corner has the line's q'', since it has to keep to the line.
+        for k, i in enumerate(firsts):
+            begins[k] += 0.0 if sections[i].ball is None else NEAR
+            begins[k] -= NEAR if k and sections[i - 1].ball is not None else 0.0
+        return cls(begins, splines)
+
+    def __call__(self, places: Array, order: int = 0) -> Array:
+        """The derivative of an order at places ``(N,)``, ``(N, n)``."""
+        which = np.maximum(np.searchsorted(self.begins, places, side="right") - 1, 0)
+        found = np.asarray(self.splines[0](places, order))
+        for k in range(1, len(self.splines)):
+            found[which == k] = self.splines[k](places[which == k], order)
+        return found
+
+
 def _stretch(
     first: int, move: ToolMove, low: int, high: int, edges: Array, limits: JointLimits, tool_speed: float | None
 ) -> Stretch:
@@ -70,7 +102,7 @@ def _stretch(
     length = float(edges[-1] - edges[0])
     rows = slice(low * ROWS, high * ROWS + 1)
     s = (move.places[rows] - edges[0]) / length
-    spline = make_interp_spline(s, move.postures[rows], k=5)
+    spline = _Joined.of(s, move.postures[rows], [leg.section for leg in move.legs[low:high]])
     law = _law(spline, length, move, limits, tool_speed)
     phases, states = time_law(*law)
     ends, curve = float(phases.sum()), hermite([state[:, None] for state in states], phases)

@@ -22,7 +22,6 @@ from ocp_traj.formulation.task_values import (
     Each,
     EachFrom0,
     Inertia,
-    Later,
     Mass,
     Number,
     Positive,
@@ -228,12 +227,16 @@ class SectionTable(Table):
     axis: Three | None = Field(None, description="three numbers, not all zero: of an arc")
     angle: Number | None = Field(None, description="a number [rad]: of an arc")
     turn: Three = Field([0.0, 0.0, 0.0], description="three numbers [rad]: a rotation vector in the world")
+    corner: Row | None = Field(None, description="seven numbers, as of pose: of a section that rounds a corner")
+    blend: Positive | None = Field(None, description="a length above zero [m]: within which it is of the corner")
 
     @model_validator(mode="after")
     def _one_kind(self) -> SectionTable:
         given = {name for name in ("by", "centre", "axis", "angle") if getattr(self, name) is not None}
         if given not in ({"by"}, {"centre", "axis", "angle"}):
             raise ValueError(f"has {', '.join(sorted(given)) or 'nothing'}; give by, or centre, axis and angle")
+        if (self.corner is None) != (self.blend is None):
+            raise ValueError("has one of corner and blend; give both or none")
         return self
 
 
@@ -277,7 +280,10 @@ class MoveTable(Table):
         min_length=1,
         description="a list of poses, each x, y, z, w, x, y, z or a table with xyz and rpy or quat_wxyz",
     )
-    blend: Later | None = Field(None, description="")
+    blend: Positive | None = Field(
+        None,
+        description="a length above zero [length], by which the tool may leave a corner of its path and does not stop",
+    )
     tolerance: ToleranceTable | EachFrom0 = Field(
         0.0,
         description="a number or a list, one a joint, 0 or more: how near points count; of a tool path a table with "
@@ -310,12 +316,14 @@ class MoveTable(Table):
             raise ValueError("has geometry without via; give the points it passes as well")
         if self.dwell and not self.stop:
             raise ValueError("has dwell and stop = false; the robot stands still only where it stops")
+        if self.dwell and self.blend is not None and self.poses is None:
+            raise ValueError("has dwell and blend; the robot does not stand still at a corner that it rounds")
         if tool and not isinstance(self.tolerance, ToleranceTable):
             raise ValueError("has no tolerance of its tool path; give tolerance = { position = .., tilt = .. }")
         if not tool:
             if isinstance(self.tolerance, ToleranceTable):
                 raise ValueError(f"has a tolerance of a tool path and goes by {ways[0]}; give a number, or a list")
-            for name in ("free_turn", "speed"):
+            for name in ("free_turn", "speed", "blend"):
                 if getattr(self, name):
                     raise ValueError(f"has {name}, which is of a tool path; give one of {', '.join(TOOL_WAYS)}")
         return self

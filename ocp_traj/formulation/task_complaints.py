@@ -11,8 +11,6 @@ from pydantic import BaseModel, ValidationError
 
 from ocp_traj.errors import cut, nearest, quoted
 
-LATER = "is not built in this version"  # of what the format has beyond it
-
 # Keys that the program writes into trajectories, and nobody into a file.
 RESOLVED = ("source", "numbers", "geometry", "bodies", "pairs", "own_pairs", "touching")
 HEADER = re.compile(r"""^\s*\[\[?\s*["']?[A-Za-z_][\w."' -]*\]""")  # of a table; no row of numbers
@@ -56,8 +54,6 @@ def complaint(
         return f"{where} is missing; give {description}"
     if kind == "value_error":
         words = str(error["ctx"]["error"])
-        if words == LATER:
-            return f"{where} {LATER}; leave it out"
         if isinstance(error["ctx"]["error"], PartOf):
             return f"{where}: {words}; give {description}"
         if _model(root, place) is not None and isinstance(value, Mapping | BaseModel):

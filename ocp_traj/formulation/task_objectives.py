@@ -14,6 +14,7 @@ from ocp_traj.formulation.objective import Objective, SumOfSquares, gauss
 from ocp_traj.formulation.parametrisation import Parametrisation
 from ocp_traj.formulation.requirements import Expression, state_function
 from ocp_traj.formulation.task_payload import Carried
+from ocp_traj.formulation.tool_motion import tool_objectives
 from ocp_traj.robot.robot import Robot
 
 SMOOTHING = 0.1  # [W] of |power|, a joint: work comes out at most so much times the duration too large; our choice
@@ -24,7 +25,9 @@ WORST_TIME, WORST = 3.0, 5.0  # times what the first guess takes, and of the oth
 
 
 def objectives_of(robot: Robot, load: Carried | None, made: Parametrisation) -> tuple[Objective, ...]:
-    """Time, work, energy, effort, movement, acceleration and jerk: squares are over the limits', where all are limited.
+    """Time, work, energy, effort, movement, acceleration, jerk, and of the tool how far and how evenly it goes.
+
+    Squares of efforts and of the joints' derivatives are over the limits', where all are limited.
 
     Args:
         robot: whose limits.
@@ -63,12 +66,7 @@ def objectives_of(robot: Robot, load: Carried | None, made: Parametrisation) -> 
     for order, name in ((2, "acceleration"), (3, "jerk")):
         top, unit = shares(name)
         found.append(Objective(name, unit or f"(rad/s{order})2 s", integrand=_squares(order, top)))
-    return tuple(found)
-
-
-def _derivatives(count: int) -> Expression:
-    """The first so many derivatives of the joints."""
-    return lambda s: casadi.vertcat(*s[1 : count + 1])
+    return (*found, *tool_objectives(robot))
 
 
 def _work(power: Any) -> Any:

@@ -28,6 +28,7 @@ from ocp_traj.formulation.task import (
     Units,
 )
 from ocp_traj.formulation.task_values import share_of
+from ocp_traj.formulation.tool_chains import Chain
 from ocp_traj.formulation.tool_moves import resolved_tool_move
 from ocp_traj.robot.descriptions import description_urdf
 from ocp_traj.robot.dh import robot_of_rows
@@ -82,11 +83,17 @@ def resolve(task: Task, folder: Path) -> Task:
             )  # fmt: skip
             raise InputError(f"{task.name}: [[move]] {i + 1} {words}, or give via")
     moves: list[MoveTable] = []
+    done = 0  # moves
     for i, move in enumerate(task.move):
+        if i < done:
+            continue
+        done = i + 1
         with _of_move(task, i):
             if any(getattr(move, way) is not None for way in TOOL_WAYS) or move.tool_path is not None:
                 before = np.array(moves[-1].via[-1]) if moves and moves[-1].via else None
-                along = resolved_tool_move(move, robot, before, angle, length)
+                chain = Chain.at(task.move, i)
+                done = i + len(chain.moves)
+                along = resolved_tool_move(chain, robot, before, angle, length)
                 moves.append(along.model_copy(update={"payload": _resolved_held(move.payload, length)}))
                 continue
             moves.append(_resolved_move(move, task, folder, robot, factor, length))

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict
 
 from ocp_traj.display import count
 from ocp_traj.errors import InputError, quoted
-from ocp_traj.formulation.task_complaints import LATER, PartOf
+from ocp_traj.formulation.task_complaints import PartOf
 from ocp_traj.robot.inertias import inertia_matrix
 
 LARGEST = 1e12  # of a number in a task: our choice, beyond any robot
@@ -180,10 +180,6 @@ def _some(value: Any) -> Any:
     return value
 
 
-def _later(value: Any) -> Any:
-    raise ValueError(LATER)
-
-
 Number = Annotated[float, BeforeValidator(_number)]
 Positive = Annotated[float, BeforeValidator(_positive)]
 Mass = Annotated[float, BeforeValidator(_mass)]
@@ -197,7 +193,6 @@ Each = Annotated[Any, BeforeValidator(_each)]
 EachFrom0 = Annotated[Any, BeforeValidator(_each_from_0)]
 Bound = Annotated[Any, BeforeValidator(_bound)]
 Range = Annotated[Any, BeforeValidator(_range)]
-Later = Annotated[Any, BeforeValidator(_later)]
 Whole = Annotated[int, BeforeValidator(_whole)]
 Different = Annotated[list[str], AfterValidator(_different)]
 Weights = Annotated[str | dict[str, Positive], AfterValidator(_some)]

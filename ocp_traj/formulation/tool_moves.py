@@ -11,18 +11,10 @@ import pinocchio as pin
 
 from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError
-from ocp_traj.formulation.task import (
-    ArcTable,
-    LineTable,
-    MoveTable,
-    PoseTable,
-    SectionTable,
-    SpeedTable,
-    ToleranceTable,
-    ToolPathTable,
-    Turned,
-)
-from ocp_traj.paths.cartesian import Leg, Section, ToolPath
+from ocp_traj.formulation.task import MoveTable, SectionTable, SpeedTable, ToleranceTable, ToolPathTable
+from ocp_traj.formulation.tool_chains import Chain
+from ocp_traj.formulation.tool_frames import Frames
+from ocp_traj.paths.cartesian import Ball, Leg, Section, ToolPath
 from ocp_traj.paths.following import Followed, best_branch, follow
 from ocp_traj.robot.inverse_kinematics import InverseKinematics
 from ocp_traj.robot.robot import Robot
@@ -30,9 +22,6 @@ from ocp_traj.robot.robot import Robot
 ROWS = 8  # postures a leg from one via point to the next: our choice, as all that follow
 PAST = 1e-3  # of the tolerance of position, by which the tool may run past an end, or a cut
 RUN_UP = 0.1  # share of the path in which the speed is free at either end, where nothing is said
-OPPOSITE = 1e-3  # [rad] a turn of the tool this near to a half turn has no shorter way
-STILL = 1e-9  # [rad] a turn of the tool below which it does not turn
-HERE = 1e-6  # [m, rad] a first pose this near to where the tool is begins the path
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +85,11 @@ class ToolMove:
         return tuple(i for i, s in enumerate(middles) if low < s < high)
 
     @property
+    def round(self) -> tuple[int, ...]:
+        """Legs, counted from 0, that round corners."""
+        return tuple(i for i, leg in enumerate(self.legs) if leg.section.ball is not None)
+
+    @property
     def places(self) -> Array:
         """Lengths of path at the postures ``(N,)`` [m]."""
         edges = [(leg.before + leg.low, leg.before + leg.high) for leg in self.legs]
@@ -103,33 +97,35 @@ class ToolMove:
         return np.append(np.concatenate(inner), self.path.length)
 
 
-def resolved_tool_move(move: MoveTable, robot: Robot, before: Array | None, angle: float, length: float) -> MoveTable:
-    """A move along a tool path as sections and postures, in SI.
+def resolved_tool_move(chain: Chain, robot: Robot, before: Array | None, angle: float, length: float) -> MoveTable:
+    """Moves along one tool path as sections and postures, in SI.
 
     Args:
-        move: with line, arc or poses; not along joints.
+        chain: moves with line, arc or poses; not along joints.
         robot: that moves.
         before: posture ``(n,)`` at which the move before ends; None for the first.
         angle: unit of the task [rad].
         length: likewise [m].
     """
+    move = chain.whole
     if move.tool_path is not None:
         raise InputError("tool_path is what a resolved task alone has; give line, arc or poses")
-    if move.begin is not None or move.end is not None:
-        raise InputError("begin or end is of a move along joints; a tool path begins and ends at rest: leave it out")
+    for one in chain.moves:
+        if one.begin is not None or one.end is not None:
+            raise InputError(
+                "begin or end is of a move along joints; a tool path begins and ends at rest: leave it out"
+            )
+    if any(one.start is not None for one in chain.moves[1:]):
+        raise InputError("start is of the first move alone; those behind a blend begin where it ends: leave it out")
     start = _start(move, robot, before, angle, length)
     ik = InverseKinematics(robot, move.free_turn)
-    frames = _Frames(angle, length)
-    here = None if start is None else ik.pose(start)
-    path = frames.path(move, here)
+    path = chain.path(Frames(angle, length), None if start is None else ik.pose(start))
     made = _unplaced(move, path, angle, length)
     followed = _followed(ik, path, start)
     postures = followed.at(made.places, ik, path)
     postures[0] = followed.q[0] if start is None else start
     tables = [_section_table(section) for section in path.sections]
-    first = path.at(0.0)
-    x, y, z, w = pin.Quaternion(first.rotation).coeffs()
-    table = ToolPathTable(pose=[*first.translation, w, x, y, z], sections=tables, branch=followed.branch)
+    table = ToolPathTable(pose=_numbers_of(path.at(0.0)), sections=tables, branch=followed.branch)
     speed = None
     if made.speed is not None:
         speed = SpeedTable(value=made.speed[0], band=made.speed[1], run_up=made.speed[2])
@@ -182,8 +178,14 @@ def _unplaced(move: MoveTable, path: ToolPath, angle: float, length: float) -> T
             s = path.ends[path.corners[1]]
             raise InputError(
                 f"at {s:.4g} m of {path.length:.4g} m along it is a corner, of the path or of how the tool turns, "
-                "which no constant speed takes; leave speed out, or give a move of its own to each part"
+                "which no constant speed takes; round it with blend, leave speed out, or give a move of its own to "
+                "each part"
             )
+        for section, begin in zip(path.sections, path.ends, strict=False):
+            if section.ball is not None and any(
+                begin < s < begin + section.length for s in (run_up, path.length - run_up)
+            ):
+                raise InputError(f"its run_up of {run_up:g} m ends within a blend; give another")
         speed = given.value * length, given.band, run_up
     return ToolMove(path, np.zeros((0, 0)), position, tilt, move.free_turn, speed, "")
 
@@ -200,106 +202,35 @@ def _followed(ik: InverseKinematics, path: ToolPath, start: Array | None) -> Fol
     return follow(ik, path, start)
 
 
-@dataclass(frozen=True)
-class _Frames:
-    """Frames of a task in its units [rad, m]."""
-
-    angle: float
-    length: float
-
-    def path(self, move: MoveTable, here: pin.SE3 | None) -> ToolPath:
-        """The path of a move that begins with the tool ``here``."""
-        if move.line is not None:
-            assert here is not None
-            return ToolPath((self._line(move.line, here),))
-        if move.arc is not None:
-            assert here is not None
-            return ToolPath((self._arc(move.arc, here),))
-        frames = [self._pose(pose) for pose in move.poses or ()]
-        if here is None:
-            here = frames.pop(0)
-        elif np.linalg.norm(pin.log6(here.actInv(frames[0])).vector) < HERE:
-            frames.pop(0)
-        if not frames:
-            raise InputError("its poses are one in all, where the tool is already; give two or more")
-        sections = []
-        for i, frame in enumerate(frames):
-            try:
-                sections.append(Section.line(here, frame.translation - here.translation, _turn(here, frame.rotation)))
-            except InputError as error:
-                raise InputError(f"to its pose {i + 1 + (len(frames) < len(move.poses or ()))}: {error}") from error
-            here = frame
-        return ToolPath(tuple(sections))
-
-    def _line(self, line: LineTable, here: pin.SE3) -> Section:
-        if line.by is not None:
-            by = self.length * np.array(line.by)
-        else:
-            by = self.length * np.array(line.to) - here.translation
-        return Section.line(here, by, _turn(here, self._rotation(line, here.rotation)))
-
-    def _arc(self, arc: ArcTable, here: pin.SE3) -> Section:
-        turn = _turn(here, self._rotation(arc, here.rotation))
-        if arc.via is not None:
-            through = Section.through(here, self.length * np.array(arc.via), self.length * np.array(arc.to), turn)
-            if not arc.with_arc:
-                return through
-            axis = np.cross(through.tangent, through.normal)
-            return replace(through, turn=axis * through.curvature * through.length)
-        assert arc.axis is not None and arc.angle is not None
-        angle = self.angle * arc.angle
-        if not 0.0 < abs(angle) <= 2.0 * np.pi * (1.0 + 1e-12):
-            raise InputError(f"its angle is {angle:g} rad; give one that is not zero and at most one turn either way")
-        axis = np.array(arc.axis) / np.linalg.norm(arc.axis)
-        turn = angle * axis if arc.with_arc else turn
-        return Section.arc(here, self.length * np.array(arc.centre), axis, angle, turn)
-
-    def _pose(self, pose: PoseTable | list[float]) -> pin.SE3:
-        if isinstance(pose, PoseTable):
-            if pose.rpy is None and pose.quat_wxyz is None:
-                raise InputError("one of its poses has no rotation; give rpy or quat_wxyz")
-            return pin.SE3(self._rotation(pose, np.eye(3)), self.length * np.array(pose.xyz))
-        if len(pose) != 7 or not any(pose[3:]):
-            raise InputError(
-                f"one of its poses is {pose}; give seven numbers x, y, z, w, x, y, z, the last four a quaternion"
-            )
-        table = PoseTable(xyz=pose[:3], quat_wxyz=pose[3:])
-        return self._pose(table)
-
-    def _rotation(self, turned: Turned, otherwise: Array) -> Array:
-        if turned.rpy is not None:
-            return np.asarray(pin.rpy.rpyToMatrix(*(self.angle * np.array(turned.rpy))))
-        if turned.quat_wxyz is not None:
-            w, x, y, z = np.array(turned.quat_wxyz) / np.linalg.norm(turned.quat_wxyz)
-            return np.asarray(pin.Quaternion(w, x, y, z).toRotationMatrix())
-        return otherwise
-
-
-def _turn(here: pin.SE3, rotation: Array) -> Array:
-    """The shortest rotation vector ``(3,)`` in the world from a frame to a rotation [rad]."""
-    turn = np.asarray(pin.log3(rotation @ here.rotation.T))
-    if np.linalg.norm(turn) < STILL:
-        return np.zeros(3)
-    if np.linalg.norm(turn) > np.pi - OPPOSITE:
-        raise InputError("the tool would turn by a half turn, either way; give a pose between")
-    return turn
-
-
 def _section_table(section: Section) -> SectionTable:
-    turn = section.turn.tolist()
-    if not section.curvature:
-        return SectionTable(by=(section.length * section.tangent).tolist(), turn=turn)
-    centre = section.start.translation + section.normal / section.curvature
-    axis = np.cross(section.tangent, section.normal)
-    return SectionTable(centre=centre.tolist(), axis=axis.tolist(), angle=section.curvature * section.length, turn=turn)
+    table: dict[str, Any] = {"turn": section.turn.tolist()}
+    if section.curvature:
+        centre = section.start.translation + section.normal / section.curvature
+        axis = np.cross(section.tangent, section.normal)
+        table |= {"centre": centre.tolist(), "axis": axis.tolist(), "angle": section.curvature * section.length}
+    else:
+        table["by"] = (section.length * section.tangent).tolist()
+    if section.ball is not None:
+        table |= {"corner": _numbers_of(section.ball.frame), "blend": section.ball.radius}
+    return SectionTable(**table)
+
+
+def _numbers_of(frame: pin.SE3) -> list[float]:
+    """Place and quaternion x, y, z, w, x, y, z of a frame."""
+    x, y, z, w = pin.Quaternion(frame.rotation).coeffs()
+    return [*frame.translation.tolist(), float(w), float(x), float(y), float(z)]
+
+
+def _frame_of(numbers: list[float], words: str) -> pin.SE3:
+    if len(numbers) != 7 or not any(numbers[3:]):
+        raise InputError(f"{words} of a tool path is {numbers}; give seven numbers x, y, z, w, x, y, z")
+    quaternion = np.array(numbers[3:]) / np.linalg.norm(numbers[3:])
+    return pin.SE3(pin.Quaternion(*quaternion).toRotationMatrix(), np.array(numbers[:3]))
 
 
 def _path_of(table: ToolPathTable) -> ToolPath:
     """The path of a resolved move."""
-    if len(table.pose) != 7 or not any(table.pose[3:]):
-        raise InputError(f"the pose of a tool path is {table.pose}; give seven numbers x, y, z, w, x, y, z")
-    quaternion = np.array(table.pose[3:]) / np.linalg.norm(table.pose[3:])
-    here = pin.SE3(pin.Quaternion(*quaternion).toRotationMatrix(), np.array(table.pose[:3]))
+    here = _frame_of(table.pose, "the pose")
     sections = []
     for one in table.sections:
         turn = np.array(one.turn)
@@ -308,6 +239,9 @@ def _path_of(table: ToolPathTable) -> ToolPath:
         else:
             assert one.angle is not None
             section = Section.arc(here, np.array(one.centre), np.array(one.axis), one.angle, turn)
+        if one.corner is not None:
+            assert one.blend is not None
+            section = replace(section, ball=Ball(_frame_of(one.corner, "a corner"), one.blend))
         sections.append(section)
         here = section.at(section.length)
     return ToolPath(tuple(sections))

@@ -16,7 +16,9 @@ from matplotlib.lines import Line2D
 from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError, quoted
 from ocp_traj.files import write_with
+from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint, Requirements
+from ocp_traj.io.plot_certificate import shade
 from ocp_traj.proof.values import limit_along
 from ocp_traj.proof.verdicts import PROVED, UNDECIDED, VIOLATED
 from ocp_traj.results.front import Front
@@ -36,7 +38,8 @@ def plot_front(front: Front, path: str | Path) -> Path:
     """Draws the traded objectives against each other: one plot for two, a grid of all pairs for more.
 
     The front's knee and ideal are marked, and so is every published point in ``front.info["paper"]``, a mapping
-    ``{label: {objective: value}}`` in the objectives' units.
+    ``{label: {objective: value}}`` in the objectives' units. Where the front has a certificate, what lies between its
+    staircases is shaded.
     """
     count = len(front.objectives) - 1
     size = (7.0, 4.8) if count == 1 else (3.1 * count + 0.6, 2.7 * count + 0.9)
@@ -50,16 +53,18 @@ def plot_front(front: Front, path: str | Path) -> Path:
                 continue
             _pair(grid[row, column], front, front.objectives[column], front.objectives[row + 1], published)
             if row == count - 1:
-                grid[row, column].set_xlabel(_quantity(front, front.objectives[column]))
+                grid[row, column].set_xlabel(quantity(front.problem, front.objectives[column]))
             if column == 0:
-                grid[row, column].set_ylabel(_quantity(front, front.objectives[row + 1]))
+                grid[row, column].set_ylabel(quantity(front.problem, front.objectives[row + 1]))
+    if front.certificate is not None:
+        shade(grid[0, 0], front.certificate, front.objectives[0])
     figure.suptitle(_headline(front), fontsize=10)
     handles, labels = grid[0, 0].get_legend_handles_labels()
     if count == 1:
         grid[0, 0].legend(handles, labels, fontsize=8)
     else:
         grid[0, -1].legend(handles, labels, fontsize=9, loc="center", frameon=False)
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 def plot_trajectory(trajectory: Trajectory, requirements: Requirements, path: str | Path) -> Path:
@@ -117,7 +122,7 @@ def plot_trajectory(trajectory: Trajectory, requirements: Requirements, path: st
     whole = f"{trajectory.problem or 'trajectory'}, {trajectory.duration:.4g} s"
     given = ", ".join(f"{name} {value:g}" for name, value in trajectory.parameters.items())
     figure.suptitle(f"{whole}; {given}" if given else whole, fontsize=11)
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 def _pair(axes: Axes, front: Front, first: str, second: str, published: Mapping[str, Mapping[str, float]]) -> None:
@@ -159,8 +164,9 @@ def _headline(front: Front) -> str:
     return f"{front.problem.id}, {front.method}: {len(front)} {noun}, {verdict}"
 
 
-def _quantity(front: Front, name: str) -> str:
-    objective = front.problem.objective(name)
+def quantity(problem: Problem, name: str) -> str:
+    """An objective with its unit, for an axis."""
+    objective = problem.objective(name)
     return f"{name} [{pretty(objective.unit)}]" + (", more is better" if objective.sense == "max" else "")
 
 
@@ -233,7 +239,7 @@ def plot_convergence(histories: Mapping[str, pd.DataFrame], path: str | Path, lo
     axes.set_xlabel("evaluations")
     axes.set_ylabel("best feasible value")
     axes.legend(fontsize=8)
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 def save_history(history: pd.DataFrame, path: str | Path) -> Path:
@@ -243,6 +249,7 @@ def save_history(history: pd.DataFrame, path: str | Path) -> Path:
     return plot_convergence({"best": history}, path)
 
 
-def _save(figure: Figure, path: str | Path) -> Path:
+def save_figure(figure: Figure, path: str | Path) -> Path:
+    """Writes a figure in the format its file name asks for."""
     target, kind = Path(path), check_picture(path)
     return write_with(target, lambda temporary: figure.savefig(temporary, format=kind[1:], dpi=150))

@@ -24,7 +24,7 @@ from ocp_traj.results.pareto_set import ENDED_AFTER
 from ocp_traj.results.records import KEY, Record
 from ocp_traj.results.trajectory import case_fields
 
-RESULTS = ("seconds", "points", "hypervolume", "info")  # of ``run.json``: how the run went
+RESULTS = ("seconds", "points", "hypervolume", "info", "certificate")  # of ``run.json``: how the run went
 MOST = 5  # differences in a message: our choice
 
 

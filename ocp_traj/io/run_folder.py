@@ -22,7 +22,15 @@ from ocp_traj.io.journal import records
 from ocp_traj.results.records import is_proved
 
 MANIFEST, JOURNAL, TABLE, PICTURE, TRAJECTORIES = "run.json", "journal.jsonl", "front.csv", "front.png", "trajectories"
-PARTS = (MANIFEST, JOURNAL, TABLE, PICTURE, TRAJECTORIES)  # what a run is made of; nothing else is moved or deleted
+BOUNDS = "bounds.csv"  # of a certified front
+PARTS = (
+    MANIFEST,
+    JOURNAL,
+    TABLE,
+    PICTURE,
+    TRAJECTORIES,
+    BOUNDS,
+)  # what a run is made of; nothing else is moved or deleted
 EARLIER = "ocp-traj.earlier"  # nobody else calls anything so
 # On the way into it or out of it, and on the way out for good: a rename begins and ends each.
 _MOVING, _GONE = f".{EARLIER}.moving", f".{EARLIER}.gone"

@@ -21,7 +21,7 @@ from ocp_traj.errors import InputError
 from ocp_traj.files import plain, write_text, write_with
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.io.journal import Journal
-from ocp_traj.io.run_folder import JOURNAL, MANIFEST, PICTURE, TABLE, TRAJECTORIES, RunFolder
+from ocp_traj.io.run_folder import BOUNDS, JOURNAL, MANIFEST, PICTURE, TABLE, TRAJECTORIES, RunFolder
 from ocp_traj.proof.verdicts import PROVED
 from ocp_traj.results.front import Front, Hypervolume
 from ocp_traj.results.records import KEY, Record, is_proved, of_front, usable
@@ -34,7 +34,7 @@ PACKAGES = ("casadi", "pin", "pymoo", "numpy")
 
 def request(
     problem: Problem, objectives: Sequence[str], method: str, *, seed: int | None = None, budget: float | None = None,
-    keep_unproved: bool = False, options: Mapping[str, Any] | None = None,
+    keep_unproved: bool = False, certify: bool = False, options: Mapping[str, Any] | None = None,
     corners: Sequence[Mapping[str, float] | None] = (None, None), task: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """What ``run.json`` holds from the start, as plain JSON values: enough to ask for the same again.
@@ -57,6 +57,7 @@ def request(
                 "corners": corners,
                 "task": task,
                 "versions": versions(),
+                **({"certify": True} if certify else {}),
             }
         )
     )
@@ -132,6 +133,9 @@ class Run:
         root = self._place.root
         _write_trajectories(front, root / TRAJECTORIES)
         write_with(root / TABLE, lambda temporary: front.table.to_csv(temporary))
+        if front.certificate is not None:
+            corners = front.certificate.table
+            write_with(root / BOUNDS, lambda temporary: corners.to_csv(temporary, index=False))
         self._write_manifest(describe(front, hypervolume))
         plot_front(front, root / PICTURE)
         self._keep()
@@ -178,6 +182,8 @@ def describe(front: Front, hypervolume: Hypervolume | None = None) -> dict[str, 
     except InputError:  # the problem has no reference point for these objectives
         measured = dict.fromkeys(("value", "volume", "reference", "ideal", "ideal_from", "own_ideal"))
     described = {"seconds": front.seconds, "points": len(front), "hypervolume": measured, "info": front.info}
+    if front.certificate is not None:
+        described["certificate"] = front.certificate.to_dict()
     return dict(plain(described))
 
 

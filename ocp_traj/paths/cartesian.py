@@ -32,6 +32,18 @@ SMOOTH = 1e-6  # [rad] corner below which a path goes on smoothly
 CONSTANTS = 25  # of a leg; see ``Leg.constants``
 
 
+class Ball(NamedTuple):
+    """Where the tool may be as it rounds a corner.
+
+    Attributes:
+        frame: of the tool at the corner.
+        radius: distance from it [m].
+    """
+
+    frame: pin.SE3
+    radius: float
+
+
 @dataclass(frozen=True, eq=False)
 class Section:
     """A line or an arc along which the tool turns evenly.
@@ -43,6 +55,7 @@ class Section:
         curvature: 0 of a line [1/m].
         length: of arc [m].
         turn: rotation vector ``(3,)`` of the tool over the section, in the world [rad].
+        ball: of a section that rounds a corner, within which the tool has to stay; it need not be near the section.
     """
 
     start: pin.SE3
@@ -51,6 +64,7 @@ class Section:
     curvature: float
     length: float
     turn: Array
+    ball: Ball | None = None
 
     @classmethod
     def line(cls, start: pin.SE3, by: Array, turn: Array) -> Section:
@@ -131,9 +145,12 @@ class Leg(NamedTuple):
 
         The middle of the leg (3), the frame there (rows x, y, z; 9), curvature, 1 of a line and 0 of an arc, radius of
         an arc and 0 of a line, the tool's rotation at the middle as a quaternion x, y, z, w (4), the axis about which
-        it turns (3) and by how much a metre, and the window's ends from the leg's middle (2).
+        it turns (3) and by how much a metre, and the window's ends from the leg's middle (2). A leg that rounds a
+        corner has it for its middle, one rotation all over, and its ball's radius as the window.
         """
         section, middle = self.section, (self.low + self.high) / 2.0
+        if section.ball is not None:
+            return _constants_of_ball(section.ball)
         tool = section.at(middle)
         tangent, normal = section.direction(middle)
         frame = np.stack([tangent, normal, np.cross(tangent, normal)])
@@ -177,6 +194,8 @@ class ToolPath:
         found = [0]
         for k in range(1, len(self.sections)):
             before, after = self.sections[k - 1], self.sections[k]
+            if before.ball is not None or after.ball is not None:
+                continue
             bend = np.linalg.norm(before.direction(before.length)[0] - after.tangent)
             twist = np.linalg.norm(before.turn / before.length - after.turn / after.length)
             if bend > SMOOTH or twist > SMOOTH / SHORTEST:
@@ -186,19 +205,38 @@ class ToolPath:
     def legs(self, cuts: Sequence[float] = ()) -> list[Leg]:
         """The path in legs: sections, cut where they bend or turn far, and at lengths of the path that are given.
 
-        A leg's window is its section, of an arc no more than ``WIDEST / 2`` beyond the leg; it ends at given cuts.
+        A leg's window is its section, and its line up to a corner that is rounded, of an arc no more than
+        ``WIDEST / 2`` beyond the leg; it ends at given cuts.
         """
         found = []
-        for section, before in zip(self.sections, self.ends, strict=False):
+        for k, (section, before) in enumerate(zip(self.sections, self.ends, strict=False)):
             angle = max(section.curvature * section.length, float(np.linalg.norm(section.turn)))
+            if section.ball is not None:
+                angle = 0.0
             beyond = WIDEST / 2.0 / section.curvature if section.curvature else np.inf
             own = [c - before for c in cuts if SHORTEST < c - before < section.length - SHORTEST]
             for first, last in pairwise([0.0, *sorted(own), section.length]):
                 parts = max(1, ceil(angle * (last - first) / section.length / WIDEST - 1e-9))
                 for low, high in pairwise(np.linspace(first, last, parts + 1).tolist()):
                     window = max(first, low - beyond), min(last, high + beyond)
+                    if first == 0.0:
+                        window = window[0] - self._to_corner(k - 1, section.start), window[1]
+                    if last == section.length:
+                        window = window[0], window[1] + self._to_corner(k + 1, section.at(last))
                     found.append(Leg(section, float(before), low, high, window))
         return found
+
+    def _to_corner(self, k: int, end: pin.SE3) -> float:
+        """How far the corner that section ``k`` rounds is from an end of its neighbour [m]; zero where it does not."""
+        ball = self.sections[k].ball if 0 <= k < len(self.sections) else None
+        return 0.0 if ball is None else float(np.linalg.norm(ball.frame.translation - end.translation))
+
+
+def _constants_of_ball(ball: Ball) -> Array:
+    quaternion = pin.Quaternion(ball.frame.rotation).coeffs()
+    still = [0.0, 0.0, 1.0, 0.0]
+    ends = [-ball.radius, ball.radius]
+    return np.concatenate([ball.frame.translation, np.eye(3).ravel(), [0.0, 1.0, 0.0], quaternion, still, ends])
 
 
 def places(constants: Any, place: Any) -> tuple[Any, Any, Any]:
@@ -233,6 +271,11 @@ def progress(constants: Any, along: Any, past: float) -> Any:
     """A place along a leg as a share of half its window, symbolic: from -1 to 1 within it and ``past`` [m] beyond."""
     low, high = constants[23], constants[24]
     return (along - (low + high) / 2.0) / ((high - low) / 2.0 + past)
+
+
+def off_corner(constants: Any, place: Any) -> Any:
+    """The square of a tool point's distance from the corner of a leg that rounds one, as a share of its ball's."""
+    return casadi.sumsqr(place - constants[:3]) / constants[24] ** 2
 
 
 def _across(direction: Array) -> Array:

@@ -19,6 +19,7 @@ from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.proof.verdicts import PROVED, UNDECIDED, VIOLATED, Audit
 from ocp_traj.results import indicators
+from ocp_traj.results.front_certificate import FrontCertificate
 from ocp_traj.results.trajectory import Trajectory, audit_points
 from ocp_traj.transcription.symbolic import evaluate_objectives
 
@@ -86,6 +87,7 @@ class Front(Shown):
         points: ascending in the first of them.
         method, seed, seconds: how it was found, and the time that took [s].
         info: what the method says of its run; ``dropped`` counts the points that were left out.
+        certificate: how much hypervolume it leaves out at most, where that was asked for.
     """
 
     problem: Problem
@@ -95,6 +97,7 @@ class Front(Shown):
     seed: int | None
     seconds: float
     info: Mapping[str, Any] = field(default_factory=dict)
+    certificate: FrontCertificate | None = None
 
     def __post_init__(self) -> None:
         """Checks the traded objectives."""
@@ -155,6 +158,7 @@ class Front(Shown):
             ),
             "method": self.method + ("" if self.seed is None else f", seed {self.seed}") + f", {self.seconds:.2f} s",
             "left out": ", ".join(f"{n} {why}" for why, n in self.info.get("dropped", {}).items() if n),
+            "certificate": "" if self.certificate is None else self.certificate.explain(),
         }
 
     def _tables(self) -> list[pd.DataFrame]:
@@ -244,12 +248,10 @@ class Front(Shown):
         if source == GIVEN and not (best < worst).all():
             name = self.objectives[int(np.argmin(best < worst))]
             raise InputError(f"the hypervolume's ideal is not better than its reference in {name!r}; move one of them")
-        size = worst - best
-        value = 0.0
-        if self.points and (size > 0.0).all():  # else no point is better than the reference in every objective
-            scaled = np.maximum((self._costs() - best) / size, 0.0)
-            value = float(moocore.hypervolume(scaled, ref=np.ones(len(worst))))
-        volume = value * float(np.prod(size)) if value else 0.0
+        costs = self._costs() if self.points else np.empty((0, len(worst)))
+        # None: no point is better than the reference in every objective.
+        value = indicators.hypervolume_so_far(costs, worst, best) or 0.0
+        volume = value * float(np.prod(worst - best)) if value else 0.0
         return Hypervolume(value, volume, self._mapping(worst), self._mapping(best), source)
 
     def spread(self) -> float:

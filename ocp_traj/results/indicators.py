@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+import moocore
 import numpy as np
 
 from ocp_traj.arrays import Array
 
 FLAT = 1e-9  # of the objectives' ranges: a front that bulges less has no knee; our choice
 SINGULAR = 1e9  # condition beyond which the extreme points do not span a plane; our choice
+
+
+def hypervolume_so_far(values: Array, reference: Array, ideal: Array) -> float | None:
+    """Share of the box from the ideal to the reference point that values dominate; None where there is no such box.
+
+    Args:
+        values: ``(N, objectives)``, less is better.
+        reference: worst values worth having ``(objectives,)``.
+        ideal: best values ``(objectives,)``.
+    """
+    size = reference - ideal
+    if not (len(values) and np.isfinite(size).all() and (size > 0.0).all()):
+        return None
+    return float(moocore.hypervolume(np.maximum((values - ideal) / size, 0.0), ref=np.ones(len(size))))
 
 
 def spread(points: Array) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -57,8 +58,12 @@ class Trajectory(Shown, Motion):
             raise InputError(
                 "this trajectory names no problem; give its limits: ocp_traj.audit(trajectory, requirements)"
             )
-        problem = load(self.problem, **self.case) if self.origin is None else self.origin
-        return audit_motions(problem, [self], [self.variables], **options)[0]
+        return audit_motions(self.posed, [self], [self.variables], **options)[0]
+
+    @cached_property
+    def posed(self) -> Problem:
+        """The problem that it solves, built from its case where it is not at hand."""
+        return load(self.problem, **self.case) if self.origin is None else self.origin
 
     def _headline(self) -> str:
         return f"Trajectory{' of ' if self.problem else ''}{self.problem}: {self.duration:.6g} s"
