@@ -16,7 +16,7 @@ PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow kill resume-kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias bench-workers bench-scenes coverage lint clean
+.PHONY: help front test test-slow kill resume-kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias bench-workers bench-scenes bench-guo coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
@@ -33,6 +33,7 @@ help:
 	@echo "make bench-ruckig random moves of a UR5 beside Ruckig's optimum: durations, proofs, seconds; minutes"
 	@echo "make bench-toppra random paths of a UR5 beside TOPP-RA: durations, proofs, excess, seconds; ten minutes"
 	@echo "make bench-clearance a proof of clearances beside coal at 10 000 instants; some 10 s"
+	@echo "make bench-guo Guo's 100 random starts by SLSQP and by IPOPT: costs, iterations, seconds; two minutes"
 	@echo "make bench-workers what two and four workers save, by a clock of its own; half an hour"
 	@echo "make bench-vias what 10, 100 and 1000 via points cost; minutes"
 	@echo "make bench-scenes SCENES=FOLDER problems of MotionBenchMaker in clutter beside OMPL and TOPP-RA; hours, and goes on"
@@ -87,6 +88,9 @@ bench-toppra: $(VENV)/.installed-dev
 
 bench-clearance: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.clearances
+
+bench-guo: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.guo_starts $(OPTIONS)
 
 bench-vias: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.via_points

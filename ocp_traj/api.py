@@ -24,6 +24,7 @@ from ocp_traj.parallel.workers import Workers
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.alternatives import best_front
 from ocp_traj.results.front import Front, Point
+from ocp_traj.results.histories import histories
 from ocp_traj.results.limit_gains import limit_gains
 from ocp_traj.results.pareto_set import ENDED_AFTER, proved_front
 from ocp_traj.results.records import Found, Record, ignore
@@ -171,9 +172,8 @@ def _solve(
             conflicts=conflicts, detail="broken at an end, whatever the variables", starts=0,
         )  # fmt: skip
     if problem.decomposition is not None:
-        return _by_parts(
-            problem, problem.decomposition, objective, weights, method, starts, seed, solver, workers, **options
-        )
+        # In this process, whatever the workers: parts are no problems that another one could build again by an id.
+        return _by_parts(problem, problem.decomposition, objective, weights, method, starts, seed, solver, **options)
     if method != "exchange":
         found = _population(problem, scalar, method, starts, seed, progress, **options)
     else:
@@ -285,6 +285,7 @@ def _by_parts(
         audit=found,
         detail=f"{len(parts)} parts solved alone and put together: not an optimum of the whole",
         interrupted="; ".join(f"{p.interrupted} of {p.name}" for p in parts if p.interrupted),
+        history=histories({p.about.title: s.history for p, s in zip(recipe.parts, parts, strict=True)}),
     )
 
 

@@ -22,6 +22,8 @@ from ocp_traj.solvers.refinement import LEAST, attainment
 from ocp_traj.stopping import STOPS, current, stopping
 from ocp_traj.transcription.symbolic import evaluate_objectives
 
+STEP = 0.3  # of the front's extent, or of an only point's values, by which one goes beyond an end; our choice
+
 
 class Recipe(Protocol):
     """What the stages take of a memetic method; see ``memetic.Memetic``."""
@@ -46,7 +48,15 @@ class Recipe(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class _Aim:
-    """One local solve: from ``x``, towards ``goal`` with ``weights``, less is better; ``near`` lends its multipliers."""
+    """One local solve, from ``x`` towards ``goal`` with ``weights``, less is better.
+
+    Attributes:
+        kind: of what it improves.
+        x: start ``(n,)``.
+        goal, weights: ``(objectives,)``.
+        near: whose instants and multipliers it begins with.
+        pair: the neighbours it lies between.
+    """
 
     kind: str
     x: Array
@@ -65,13 +75,15 @@ class Stages:
         objectives: traded.
         target: the population's problem.
         ends: decision vectors ``(n,)`` that are proved.
+        complete: whether these are the ends of the whole front, so that none is looked for beyond them.
         rng: of what is random.
     """
 
     def __init__(
         self, recipe: Recipe, problem: Problem, objectives: tuple[str, ...], target: PymooProblem,
-        ends: Sequence[Array], rng: np.random.Generator,
+        ends: Sequence[Array], complete: bool, rng: np.random.Generator,
     ) -> None:  # fmt: skip
+        """Takes the ends in; see the class."""
         self.recipe, self.problem, self.names, self.target, self.rng = recipe, problem, objectives, target, rng
         self.archive = Archive(len(objectives), target.scales)
         for x in ends:
@@ -79,7 +91,8 @@ class Stages:
         self.seconds = self.seconds_within = 0.0
         self.solves = self.iterations = self.failed = self.better = self.stages = 0
         self.injected = self.survived = 0
-        self.kinds = {"first rank": 0, "far": 0, "gap": 0}
+        self.kinds = {"first rank": 0, "far": 0, "gap": 0, "beyond": 0}
+        self._complete, self._ended = complete, [set[bytes]() for _ in objectives]
         self._generation, self._begun = 0, time.perf_counter()
         self._fresh: set[bytes] = set()
         self._tried = keys(list(ends))
@@ -130,7 +143,7 @@ class Stages:
     def _stage(self, algorithm: Any, most: int, timed: bool = True) -> float:
         """Solves, proves and puts back; the seconds that took."""
         begun, timed = time.perf_counter(), timed and np.isfinite(self.recipe.max_seconds)
-        waiting: list[tuple[_Aim, Solution]] = []
+        waiting: list[Solution] = []
         new: list[Array] = []
         done = 0
         with stopping() as stop:
@@ -143,7 +156,7 @@ class Stages:
                     self._attempt(aim, waiting, new)
             except STOPS as reason:
                 stop.take(reason)
-        self._prove(waiting, new)
+        self._prove(waiting)
         self.stages += 1
         new = [x for x in new if x.tobytes() in keys(self.xs)]
         inject(algorithm, self.target, new)
@@ -155,10 +168,10 @@ class Stages:
     # --- what is handed over ---
 
     def _aims(self, algorithm: Any) -> Iterator[_Aim]:
-        """Individuals and gaps in turn, as long as there are any."""
-        individuals, gaps = self._individuals(algorithm), self._gaps()
+        """Individuals, gaps and what is beyond the ends in turn, as long as there are any."""
+        individuals, gaps, beyond = self._individuals(algorithm), self._gaps(), self._beyond()
         while True:
-            found = [aim for aim in (next(individuals, None), next(gaps, None)) if aim is not None]
+            found = [aim for aim in (next(individuals, None), next(gaps, None), next(beyond, None)) if aim is not None]
             if not found:
                 return
             yield from found
@@ -195,50 +208,68 @@ class Stages:
         self._tried.add(x.tobytes())
         f, extent = self._f(x), self.archive.extent
         nadir = np.vstack([self.archive.f, f]).max(axis=0)
-        near = self.archive.nearest(f) if self.archive.points else None
-        return _Aim(kind, x, f, np.maximum(nadir - f, LEAST * extent), near if kind != "far" else None)
+        near = None if kind == "far" else self.archive.nearest(f)
+        return _Aim(kind, x, f, np.maximum(nadir - f, LEAST * extent), near)
 
     def _gaps(self) -> Iterator[_Aim]:
         """From what is between two proved neighbours towards the best of both."""
         while (pair := self.archive.gap()) is not None:
             one, other = pair
             self.archive.close(one, other)
-            yield self._between(one, other, pair)
+            yield self._between(one, other)
 
-    def _between(self, one: Known, other: Known, pair: tuple[Known, Known]) -> _Aim:
-        goal = np.minimum(one.f, other.f)
+    def _between(self, one: Known, other: Known) -> _Aim:
+        """From the middle of two of one family, whose objectives lie between theirs; else from one of them."""
+        goal, worst = np.minimum(one.f, other.f), np.maximum(one.f, other.f)
+        if one.solution is None:
+            one, other = other, one
         x = 0.5 * (one.x + other.x)
-        f, worst = self._f(x), np.maximum(one.f, other.f)
+        f = self._f(x)
         alike = bool(((goal <= f) & (f <= worst)).all())
         weights = np.maximum(worst - goal, LEAST * self.archive.extent)
-        return _Aim("gap", x if alike else one.x, goal, weights, one, pair)
+        near = one if one.solution is not None else self.archive.nearest(one.f)
+        return _Aim("gap", x if alike else one.x, goal, weights, near, (one, other))
+
+    def _beyond(self) -> Iterator[_Aim]:
+        """From each end of what is known outwards: better in its objective, and no more than that worse in others."""
+        tried: set[int] = set()
+        while not self._complete:
+            for k in range(len(self.names)):
+                if not self.archive.points:
+                    return
+                end = self.archive.points[int(np.argmin(self.archive.f[:, k]))]
+                size = np.abs(end.f) if len(self.archive.points) == 1 else self.archive.extent
+                step = np.maximum(STEP * size, LEAST * self.target.scales)
+                goal = end.f.copy()
+                goal[k] -= step[k]
+                if end.name in self._ended[k] or (goal + step > self.target.worst)[np.arange(len(goal)) != k].any():
+                    tried.add(k)
+                    continue
+                self._ended[k].add(end.name)
+                tried.discard(k)
+                yield _Aim("beyond", end.x, goal, step, end if end.solution is not None else None)
+            if len(tried) == len(self.names):
+                return
 
     # --- what comes of it ---
 
-    def _attempt(self, aim: _Aim, waiting: list[tuple[_Aim, Solution]], new: list[Array]) -> None:
+    def _attempt(self, aim: _Aim, waiting: list[Solution], new: list[Array]) -> None:
         """One aim; of a gap, where it gains nothing, once more from its other side."""
         solution = self._solve(aim)
         if not self._takes(solution) and aim.pair is not None:
-            one, other = aim.pair
-            solution = self._solve(replace(aim, x=other.x, near=other))
+            other = aim.pair[1]
+            solution = self._solve(replace(aim, x=other.x, near=other if other.solution is not None else None))
         if solution is None or not self._takes(solution):
             return
-        point = self._add(solution, new)
+        self.archive.add(Known(solution.x, self._of(solution), solution))
+        self.better += 1
+        self._tried.add(solution.x.tobytes())
+        new.append(solution.x)
         if solution.audit is None:
-            waiting.append((aim, solution))
-            assert point is not None
+            waiting.append(solution)
 
     def _takes(self, solution: Solution | None) -> bool:
         return solution is not None and self.archive.gains(self._of(solution))
-
-    def _add(self, solution: Solution, new: list[Array]) -> Known | None:
-        point = Known(solution.x, self._of(solution), solution)
-        if not self.archive.add(point):
-            return None
-        self.better += 1
-        self._tried.add(point.x.tobytes())
-        new.append(point.x)
-        return point
 
     def _solve(self, aim: _Aim) -> Solution | None:
         """A solution, with the neighbour's instants and multipliers first, then without; None where there is none."""
@@ -261,22 +292,18 @@ class Stages:
         self.iterations += solution.iterations
         self.failed += not solution.ok
 
-    def _prove(self, waiting: list[tuple[_Aim, Solution]], new: list[Array]) -> None:
+    def _prove(self, waiting: list[Solution]) -> None:
         """Proves together what was found without; what is not proved is taken out again."""
-        left = [solution for _, solution in waiting]
-        for solution, (path, audit) in zip(
-            left, audit_points(self.problem, [solution.x for solution in left]), strict=True
-        ):
-            for i, point in enumerate(self.archive.points):
-                if point.solution is solution:
-                    if audit.proved:
-                        proved = replace(solution, trajectory=path, audit=audit)
-                        self.archive.points[i] = replace(point, solution=proved)
-                    else:
-                        del self.archive.points[i]
-                        self.archive.f = np.delete(self.archive.f, i, axis=0)
-                        self.better -= 1
-                    break
+        audited = audit_points(self.problem, [solution.x for solution in waiting])
+        for solution, (path, audit) in zip(waiting, audited, strict=True):
+            if not audit.proved:
+                self.archive.drop(solution.x)
+                self.better -= 1
+                continue
+            proved = replace(solution, trajectory=path, audit=audit)
+            self.archive.points = [
+                replace(p, solution=proved) if p.solution is solution else p for p in self.archive.points
+            ]
 
     def _of(self, solution: Solution) -> Array:
         return np.array([solution.objectives[name] for name in self.names]) * self.target.signs

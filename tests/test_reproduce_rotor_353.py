@@ -155,6 +155,17 @@ def test_optima_are_certified(found: Reproduction) -> None:
 
 
 @pytest.mark.slow
+def test_swarms_of_every_joint_alone_stand_beside_its_certified_optimum(found: Reproduction) -> None:
+    """The paper has most of them converge within 30 iterations; here not by half, and by none as printed."""
+    table = found.extra["Swarms as the paper ran them, every joint alone"]
+    assert len(table) == 18 and set(table["joint"]) == set(m10id.JOINTS) and table["certified"].all()
+    early = next(name for name in table if name.startswith("within 1%"))
+    assert table[early].sum() < 9 and not table[early][table["method"] == "PSO as printed"].any()
+    assert (table["median gap at the end"] >= -1e-3).all()  # limits are looked at on some instants, and mended later
+    assert (table["median gap after 30"] >= table["median gap at the end"]).all()
+
+
+@pytest.mark.slow
 def test_swarms_stand_beside_ipopt_and_branch_and_bound(found: Reproduction) -> None:
     title, table = next((title, t) for title, t in found.extra.items() if title.startswith("Swarms"))
     table = table.set_index("method")

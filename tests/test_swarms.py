@@ -213,6 +213,22 @@ def test_the_command_line_runs_a_swarm_and_draws_its_history(tmp_path: Path, cap
     assert "--history is of a population" in capfd.readouterr().err
 
 
+def test_the_papers_recipe_keeps_the_history_of_every_joint(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Each joint is a swarm of its own, and none of their histories is lost."""
+    arguments = ["solve", "rotor-353", "--set", "timing=per_joint", "--set", "position_limits=false", "--method", "pso"]
+    few = options("population=8", "generations=5")
+    table, picture = tmp_path / "h.csv", tmp_path / "h.svg"
+    for target in (table, picture):
+        assert run([*arguments, *few, "--history", str(target)]) in (0, 1)  # what the longest phases break is audited
+        assert f"history: {target}" in capfd.readouterr().err
+    found = pd.read_csv(table)
+    assert list(found.columns) == ["part", "generation", "evaluations", "best", "violation"]
+    joints = found.groupby("part", sort=False)["generation"].agg(list)
+    assert len(joints) == 6 and all(generations == joints.iloc[0] for generations in joints)
+    assert all(len(generations) == 5 for generations in joints)
+    assert all(name in picture.read_text() for name in joints.index)
+
+
 def test_several_histories_share_a_picture(tmp_path: Path, rotor: Problem) -> None:
     histories = {name: PSO(0, 8, 5, name).run(rotor, "time")[0].history for name in ("linear", "repaired")}
     assert plot_convergence(histories, tmp_path / "both.svg", lower=1.7313).stat().st_size > 1000

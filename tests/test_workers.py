@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,7 +30,7 @@ from ocp_traj.solvers.waves import SOLVE
 from tests.closed_form import quintic_problem
 
 PAIR = ("time", "energy")
-TASK = Path(__file__).parents[1] / "examples" / "tasks" / "TASKNAME"
+TASK = Path(__file__).parents[1] / "examples" / "tasks" / "ur5-via.toml"
 ID = "tests.test_workers:arm"  # of an own problem that workers can build
 
 
@@ -104,7 +103,7 @@ def test_a_problem_that_was_changed_in_python_is_told_from_the_one_that_its_id_m
 
 @pytest.mark.slow
 def test_a_recipe_knows_the_level() -> None:
-    problem = ot.problems.load("task", file=str(TASK))
+    problem = ot.problems.load("task", file=str(TASK), **{"curve.kind": "auto"})
     assert problem.levels is not None and problem.levels.finer is not None
     finer = problem.levels.finer()
     assert finer.size > problem.size
@@ -147,7 +146,7 @@ def wavy() -> Problem:
 @pytest.mark.parametrize("options", [{}, {"all_optima": True}])
 def test_starts_begun_ahead_are_shared_and_given_up_as_one_after_the_other(options: dict[str, Any]) -> None:
     one, ahead = (
-        Multistart(starts=12, seed=1, workers=workers, **options).solve(wavy(), WeightedSum({"wavy": 1.0}))
+        Multistart(starts=8, seed=1, workers=workers, **options).solve(wavy(), WeightedSum({"wavy": 1.0}))
         for workers in (Workers(), Ahead())
     )
     assert one.x.tolist() == ahead.x.tolist()
@@ -194,31 +193,26 @@ def dying(times: int, folder: Path) -> Job:
     return Job("tests.test_workers:dies", quintic(), {"times": times, "folder": str(folder)})
 
 
-@pytest.fixture(scope="module")
-def two() -> Iterator[Processes]:
-    with Processes(2) as workers:
-        yield workers
-
-
 @pytest.mark.slow
-def test_processes_find_the_same_bytes_and_a_killed_one_costs_nothing_else(two: Processes, tmp_path: Path) -> None:
+def test_processes_find_the_same_bytes_and_a_killed_one_costs_nothing_else() -> None:
     here = FrontTracer(points=9).pareto(quintic(), ["time", "effort"])
-    (answer,) = two.run([Job("tests.test_workers:pid", quintic(), {})])
-    assert answer["pid"] != os.getpid()
+    with Processes(2) as workers:
+        (answer,) = workers.run([Job("tests.test_workers:pid", quintic(), {})])
+        assert answer["pid"] != os.getpid()
 
-    def kill(done: int, total: int, words: str) -> None:
-        if done == 4:
-            os.kill(answer["pid"], signal.SIGKILL)
+        def kill(done: int, total: int, words: str) -> None:
+            if done == 4:
+                os.kill(answer["pid"], signal.SIGKILL)
 
-    tracer = FrontTracer(points=9, workers=two, progress=kill)
-    assert np.array_equal(tracer.pareto(quintic(), ["time", "effort"]).xs, here.xs)
-    jobs = [dying(1, tmp_path / "a"), dying(0, tmp_path / "b"), dying(2, tmp_path / "c")]
-    assert [answer["times"] for answer in two.run(jobs)] == [1, 0, 2]
+        tracer = FrontTracer(points=9, workers=workers, progress=kill)
+        assert np.array_equal(tracer.pareto(quintic(), ["time", "effort"]).xs, here.xs)
+        assert workers.deaths == 1
 
 
 @pytest.mark.slow
-def test_a_job_that_kills_every_worker_is_named(two: Processes, tmp_path: Path) -> None:
-    with pytest.raises(
-        WorkerDied, match="died 3 times at one job, the last time alone: dies of tests.test_workers:arm"
-    ):
-        two.run([dying(9, tmp_path / "a")])
+def test_a_job_that_kills_every_worker_is_named_and_others_are_answered(tmp_path: Path) -> None:
+    with Processes(1) as workers:
+        worst, beside = (workers.submit(dying(times, tmp_path / str(times))) for times in (9, 0))
+        with pytest.raises(WorkerDied, match="3 times at one job, the last time alone: dies of tests.test_workers:arm"):
+            worst.result()
+        assert beside.result()["times"] == 0

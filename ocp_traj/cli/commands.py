@@ -162,6 +162,7 @@ def solve(
             metavar="RUN|FILE", help="Begin at an earlier result, not at random: a trajectory, or a run's best point."
         ),
     ] = None,
+    refine: Annotated[bool, typer.Option(help="Hand the best of a population (pso, ga) to IPOPT.")] = False,
     all_optima: Annotated[bool, typer.Option(help="List every distinct local optimum that a start ends in.")] = False,
     certify: Annotated[
         bool | None,
@@ -204,6 +205,10 @@ def solve(
     for path in targets:
         check_writable(path)
     options = methods.options_from_text(methods.SOLVE, method, _pairs(option, "--option"))
+    if refine:
+        if method == "exchange":
+            raise InputError("--refine hands a population to exchange, which needs none; give --method pso or ga")
+        options["refine"] = True
     with stopping() as stop:
         with console.progress("solving") as progress:
             solution = api.solve(
@@ -541,6 +546,34 @@ def export(
 
 @app.command()
 @one_blas_thread
+def report(
+    sources: Annotated[
+        list[Path], typer.Argument(metavar="RUN|TRAJECTORY..", help="Run folders and trajectory files, shown together.")
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="HTML", help="The page to write.")] = Path(
+        "report.html"
+    ),
+    json: AsJson = False,
+) -> int:
+    """Writes a page to look at a front and its motions: one HTML file that opens offline (extra `report`).
+
+    Example: ocp-traj report runs/first -o front.html
+    """
+    from ocp_traj.cli.report_sheet import report_sheet
+    from ocp_traj.report.page import check_page, write_page
+    from ocp_traj.report.sources import read_sources
+
+    check_page(output)
+    check_writable(output)
+    found = read_sources(sources)
+    written = write_page(found, output)
+    console.show(report_sheet(found, written), json)
+    console.say(f"report: {written}")
+    return DONE if all(point.audit.proved for source in found for point in source.points) else NOT_PROVED
+
+
+@app.command()
+@one_blas_thread
 def plan(
     task: Annotated[str, typer.Argument(metavar="TASK", help="A task file (TOML) with [collision].")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="PATH", help="The path to write (CSV).")],
@@ -624,6 +657,8 @@ def _write(solution: Solution, problem: Problem, output: Path | None, plot: Path
         console.say(f"picture: {plot_trajectory(solution.trajectory, problem.requirements, plot)}")
     if history is not None and solution.history is not None:
         console.say(f"history: {save_history(solution.history, history)}")
+    elif history is not None:
+        console.say(f"history: {history} is not written; no population of this run has one")
 
 
 def _outcome(solution: Solution) -> int:

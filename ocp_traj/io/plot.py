@@ -22,6 +22,7 @@ from ocp_traj.io.plot_certificate import shade
 from ocp_traj.proof.values import limit_along
 from ocp_traj.proof.verdicts import PROVED, UNDECIDED, VIOLATED
 from ocp_traj.results.front import Front
+from ocp_traj.results.histories import PART, by_part
 from ocp_traj.results.trajectory import Trajectory
 
 SUFFIXES = (".png", ".pdf", ".svg")
@@ -245,8 +246,8 @@ def plot_convergence(histories: Mapping[str, pd.DataFrame], path: str | Path, lo
 def save_history(history: pd.DataFrame, path: str | Path) -> Path:
     """How a population converged, as a CSV table or a picture, by the suffix."""
     if Path(path).suffix.lower() == ".csv":
-        return write_with(path, lambda temporary: history.to_csv(temporary))
-    return plot_convergence({"best": history}, path)
+        return write_with(path, lambda temporary: history.to_csv(temporary, index=PART not in history))
+    return plot_convergence(by_part(history), path)
 
 
 def save_figure(figure: Figure, path: str | Path) -> Path:

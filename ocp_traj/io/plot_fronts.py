@@ -55,9 +55,16 @@ def _pair(axes: Axes, compared: FrontComparison, first: int, second: int) -> Non
         later = min(len(compared.points) - 1 - i, MOST_SIZES)  # drawn over it: it shows around them
         volume, count = compared.table.loc[name, "hypervolume"], len(points)
         axes.scatter(
-            points[:, first], points[:, second], s=SMALLEST + LARGER * later, marker=MARKERS[i % len(MARKERS)], color=colours[i % 10],
-            linewidths=0, alpha=0.75, zorder=3, label=f"{name} ({count}), hypervolume {volume:.4f}",
-        )  # fmt: skip
+            points[:, first],
+            points[:, second],
+            s=SMALLEST + LARGER * later,
+            marker=MARKERS[i % len(MARKERS)],
+            color=colours[i % 10],
+            linewidths=0,
+            alpha=0.75,
+            zorder=3,
+            label=f"{name} ({count}), hypervolume {volume:.4f}",
+        )
     axes.grid(True, color="0.92", linewidth=0.7)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=8)

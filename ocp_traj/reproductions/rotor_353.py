@@ -16,6 +16,7 @@ from ocp_traj.curves.families import polynomial_353
 from ocp_traj.problems import m10id
 from ocp_traj.problems import rotor_353 as paper
 from ocp_traj.progress import Progress
+from ocp_traj.reproductions import rotor_353_convergence
 from ocp_traj.reproductions.comparison import Reproduction, Run, Sheet, rounding_effect
 from ocp_traj.reproductions.rotor_353_errata import (
     MISPRINTS,
@@ -53,7 +54,7 @@ def run(seeds: int, progress: Progress) -> Reproduction:
             for timing in paper.TIMINGS
         ),
     ]
-    total = len(steps) + seeds * len(SCHEDULES)
+    total = len(steps) + seeds * len(SCHEDULES) + rotor_353_convergence.runs(seeds)
     results: dict[str, object] = {}
     for done, (words, step) in enumerate(steps):
         progress(done, total, words)
@@ -68,6 +69,7 @@ def run(seeds: int, progress: Progress) -> Reproduction:
     if seeds:
         title = f"Swarms on {seeds} seed{'' if seeds == 1 else 's'}, beside IPOPT and branch and bound"
         extra[title] = swarms(plain, seeds, told)
+        extra["Swarms as the paper ran them, every joint alone"] = rotor_353_convergence.convergence(seeds, told)
     progress(total, total, "done")
     recipe = results[f"{TIMINGS['per_joint']}, {SIGNS[True]}"]
     assert isinstance(recipe, Solution)

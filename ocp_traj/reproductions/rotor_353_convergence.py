@@ -1,0 +1,73 @@
+"""The swarms of Zhu and Wang as they ran them, a joint at a time: within how many iterations each has converged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+
+from ocp_traj import problems
+from ocp_traj.api import solve
+from ocp_traj.problems.m10id import JOINTS
+from ocp_traj.solvers.pso import PSO
+
+SCHEDULES = ("as_printed", "repaired", "linear")  # the improved one, as printed and repaired, and the usual one
+WITHIN = 30  # iterations: "most of the joints are optimized to reach global convergence .. within 30", sect. 4
+CLOSE = 0.01  # relative: a swarm this close to its joint's certified optimum has converged; our choice
+MOST_SEEDS = 5  # for each joint and schedule: our choice
+FREE = {"position_limits": False, "effort_limits": False}  # (14) and (15) are the paper's limits
+
+
+def runs(seeds: int) -> int:
+    """How many runs of a swarm ``convergence`` takes."""
+    return len(SCHEDULES) * len(JOINTS) * min(seeds, MOST_SEEDS)
+
+
+def convergence(seeds: int, told: Callable[[str], None]) -> pd.DataFrame:
+    """Every joint alone, by every schedule: a row each, with the certified optimum of the joint.
+
+    A swarm looks at its limits on some instants, so that its values may be a little less than that.
+
+    Args:
+        seeds: runs of each, up to ``MOST_SEEDS``.
+        told: after each run.
+    """
+    recipe = problems.load("rotor-353", timing="per_joint", **FREE).decomposition
+    assert recipe is not None
+    rows = []
+    for joint, part in zip(JOINTS, recipe.parts, strict=True):
+        best = solve(part, certify=True).require()
+        assert best.certificate is not None
+        least = best.objectives["time"]
+        for schedule in SCHEDULES:
+            iterations, early, finals = [], [], []
+            for seed in range(min(seeds, MOST_SEEDS)):
+                evolution, _ = PSO(seed, schedule=schedule).run(part, "time")
+                if evolution.interrupted:
+                    raise KeyboardInterrupt
+                course = evolution.history["best"].to_numpy(dtype=float)
+                reached = np.flatnonzero(course <= (1.0 + CLOSE) * least)
+                iterations.append(float(reached[0]) + 1.0 if len(reached) else np.inf)
+                early.append(course[min(WITHIN, len(course)) - 1] / least - 1.0)
+                finals.append(course[-1] / least - 1.0)
+                told(f"PSO {schedule}, {joint} alone, seed {seed}")
+            rows.append(
+                (
+                    f"PSO {schedule.replace('_', ' ')}", joint, len(iterations),
+                    sum(n <= WITHIN for n in iterations), float(np.median(iterations)),
+                    float(np.median(early)), float(np.median(finals)), least, best.certificate.certified,
+                )
+            )  # fmt: skip
+    columns = [
+        "method",
+        "joint",
+        "runs",
+        f"within {CLOSE:.0%} after {WITHIN} iterations (the paper: most joints)",
+        "median iterations to get there (inf: never)",
+        f"median gap after {WITHIN}",
+        "median gap at the end",
+        "least time [s]",
+        "certified",
+    ]
+    return pd.DataFrame(rows, columns=columns).sort_values(["method", "joint"], ignore_index=True)
