@@ -394,7 +394,8 @@ class _Trace:
         candidates = [(self.solutions[i].x, i) for i in neighbours]
         if self.problem.dilate is not None:
             dilated = [(np.asarray(self.problem.dilate(x, s)), i) for x, i in candidates for s in RAY]
-            inside = [(x, i) for x, i in dilated if (x <= self.problem.upper).all() and (x >= self.problem.lower).all()]
+            lower, upper = self.problem.lower, self.problem.upper
+            inside = [(x, i) for x, i in dilated if (x <= upper).all() and (x >= lower).all()]
             candidates += inside
         values = self.population.evaluate(np.array([x for x, _ in candidates]), limits=False).objectives * self.signs
         span = np.maximum(np.ptp(self.values, axis=0), 1e-12)
