@@ -79,6 +79,8 @@ class FrontTracer:
             complete = False
             try:
                 ends.find()
+                if problem.tuning.starts > 1:
+                    ends.start_more()
                 if len(objectives) == 2:
                     if problem.tuning.starts > 1:
                         ends.sharpen()
