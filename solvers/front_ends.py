@@ -20,8 +20,6 @@ from ocp_traj.solvers.waves import Request
 # Of the front's extent: what an end may lose in its own objective, room that an interior point needs, and what it must
 # gain in the other for that; our choice.
 LOSS, WORTHWHILE = 1e-5, 1e-3
-MOST_BATCHES = 4  # of starts at an end: our choice
-AFTER = 101  # between the seeds of batches: more than there are objectives
 
 
 @dataclass
@@ -73,23 +71,6 @@ class FrontEnds:
                 work.found(of_solve(self._end(name), stand_in))
                 front.add(stand_in)
         self.tried = True
-
-    def start_more(self) -> None:
-        """Where a problem has many local optima, more starts for the ends that cost less than the costliest one.
-
-        An optimum that is quickly reached is one of many, and missing the best of them costs the front a whole side.
-        Work is counted in iterations times rows of an end's solution, so that the clock has no say.
-        """
-        front = self.front
-        if self.unsolved or len(front) != len(front.names):
-            return
-        work = [solution.iterations * solution.row_count for solution in front.solutions]
-        for k, name in enumerate(front.names):
-            for batch in range(1, min(max(work) // max(work[k], 1), MOST_BATCHES)):
-                solution = self._from_guesses(self._end(name), k + batch * AFTER, f"the best {name} once more")
-                front.work.count(self._end(name), solution)
-                if solution.ok and front.value(solution)[k] < front.values[k, k]:
-                    front.replace(front.solutions[k], solution)
 
     def sharpen(self) -> None:
         """Makes each of two ends the best in the other objective as well, from random starts.
