@@ -77,14 +77,16 @@ def main(kills: int = 10, seed: int = 0) -> int:
     rng, differs = np.random.default_rng(seed), 0
     with tempfile.TemporaryDirectory() as folder:
         whole = Path(folder) / "whole"
-        seconds = done(["pareto", *LINE, "-o", str(whole)])
-        print(f"whole: {seconds:.1f} s, {digest(whole)}", flush=True)
+        seconds = {"0": done(["pareto", *LINE, "-o", str(whole)])}
+        seconds["2"] = done(["pareto", *LINE, "-o", str(Path(folder) / "two"), "--workers", "2"])
+        differs += digest(Path(folder) / "two") != digest(whole)
+        print(f"whole: {seconds['0']:.1f} s, {seconds['2']:.1f} s with 2 workers, {digest(whole)}", flush=True)
         for number in range(kills):
             run, workers = Path(folder) / f"run{number}", str(2 * (number % 2))
             moments: list[float] = []
             again = ["pareto", *LINE, "-o", str(run)]
             for _ in range(1 + int(rng.integers(2))):
-                moment = float(rng.uniform(0.05, 1.0)) * seconds
+                moment = float(rng.uniform(0.05, 1.0)) * seconds[workers]
                 if kill_after(begin([*again, "--workers", workers]), moment):
                     moments.append(moment)
                 if (run / "run.json").exists():

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
-from functools import cached_property
+from functools import cache, cached_property
 from hashlib import sha256
 from importlib import import_module
 from importlib.metadata import version
@@ -49,7 +49,7 @@ class Job:
         """SHA-256 of all that the answer depends on; empty where nobody else can know that."""
         if not known(self.problem.id):
             return ""
-        versions = [__version__, *map(version, PACKAGES)]
+        versions = [__version__, *_versions()]
         try:
             said = [versions, self.function, canonical(Recipe.of(self.problem)), canonical(self.arguments)]
         except Unnamed:
@@ -65,6 +65,11 @@ class Job:
         """What it is, for messages."""
         what = self.arguments.get("scalarisation")
         return f"{self.function.partition(':')[2]} of {self.problem.id}" + ("" if what is None else f", {what}")
+
+
+@cache
+def _versions() -> tuple[str, ...]:
+    return tuple(map(version, PACKAGES))
 
 
 class Unnamed(Exception):

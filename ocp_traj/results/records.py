@@ -42,7 +42,7 @@ def of_solve(scalarisation: Scalarisation, solution: Solution, as_found: Solutio
         "objectives": solution.objectives,
         "verdict": solution.audit.verdict if solution.audit is not None else None,
     }
-    return _record(
+    record = _record(
         SOLVE,
         [point],
         scalarisation={"kind": type(scalarisation).__name__, **vars(scalarisation)},
@@ -52,9 +52,9 @@ def of_solve(scalarisation: Scalarisation, solution: Solution, as_found: Solutio
         iterations=solution.iterations,
         rounds=solution.rounds,
         seconds=solution.seconds,
-        solution=of_solution(as_found or solution),
         **({KEY: solution.key} if solution.key else {}),
     )
+    return {**record, "solution": of_solution(as_found or solution)}
 
 
 def of_start(scalarisation: Scalarisation, solution: Solution, first: Any = None) -> Record:

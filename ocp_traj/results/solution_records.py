@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -33,14 +34,16 @@ _PLAIN = ("name", "iterations", "row_count", "detail", "starts", "rounds", "move
 
 def exact(value: Any) -> Any:
     """A value as JSON holds it and ``float`` reads it back, numbers that are not finite as texts."""
+    if type(value) is float:
+        return value if isfinite(value) else repr(value)
+    if value is None or isinstance(value, str | int):
+        return value
     if isinstance(value, Mapping):
         return {str(key): exact(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [exact(item) for item in value]
     if isinstance(value, np.ndarray | np.generic):
-        return exact(value.tolist())
-    if isinstance(value, float) and not np.isfinite(value):
-        return repr(value)
+        return value.tolist() if np.isfinite(value).all() else exact(value.tolist())
     return value
 
 
@@ -59,7 +62,6 @@ def of_solution(solution: Solution) -> Plain:
         "x": solution.x,
         "objectives": solution.objectives,
         "table": [_values(row, _ROW) for row in rows],
-        "rows": [rows[row] for row in solution.rows],
         "row_multipliers": solution.row_multipliers,
         "bound_multipliers": solution.bound_multipliers,
         "multipliers": _column(solution.multipliers, rows),
@@ -70,7 +72,7 @@ def of_solution(solution: Solution) -> Plain:
         "instead_of": None if solution.instead_of is None else of_solution(solution.instead_of),
         "history": None if solution.history is None else _table(solution.history),
     }
-    return dict(exact(found))
+    return {**exact(found), "rows": [rows[row] for row in solution.rows]}
 
 
 def solution_of(found: Mapping[str, Any], problem: Problem, trajectory: bool = True) -> Solution:
