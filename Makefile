@@ -17,12 +17,13 @@ METHODS ?= runs/methods.jsonl
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow kill resume-kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias bench-workers bench-methods bench-scenes bench-guo coverage lint clean
+.PHONY: help front test test-slow test-browser kill resume-kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias bench-workers bench-methods bench-scenes bench-guo coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
 	@echo "make test       install with the test tools, run the default tests"
 	@echo "make test-slow  the slow tests"
+	@echo "make test-browser the page of ocp-traj report in Chromium; skipped tests are named where there is none"
 	@echo "make kill       a front killed at 20 random moments: nothing finished is lost"
 	@echo "make resume-kill a front killed at 10 random moments and gone on with, without workers and with two: the same bytes"
 	@echo "make fuzz       2000 mutated files, and 2000 tasks: what is proved of them holds, none ends in a traceback"
@@ -53,6 +54,10 @@ test: $(VENV)/.installed-dev
 # In the order of their files: the longest have the fewest tests, and would come last.
 test-slow: $(VENV)/.installed-dev
 	$(PYTEST) --no-loadscope-reorder -m slow
+
+# In one process: they share a browser.
+test-browser: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -m browser -rs
 
 kill: $(VENV)/.installed-dev
 	$(BIN)/python benchmarks/kill.py
