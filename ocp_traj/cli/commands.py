@@ -251,7 +251,7 @@ def pareto(
     workers: WorkerCount = 0,
     cluster: ClusterAddress = None,
     certify: Annotated[
-        bool, typer.Option("--certify", help="Bound what the front leaves out; refused where no bound is known.")
+        bool, typer.Option("--certify", help="Bound what the front leaves out, in 60 s at most, where that is possible.")
     ] = False,
     force: Annotated[bool, typer.Option(help="Replace an existing run.")] = False,
     json: AsJson = False,
