@@ -182,7 +182,7 @@ class Setting:
     def own(self, seconds: float, tries: int) -> dict[str, Any]:
         """From own starts."""
         valid = bool((self.cell.clearance(np.array([self.start, self.goal])) >= 0.0).all())
-        return {"valid": valid, **self.solved("own", "auto", seconds, tries)}
+        return {"valid": valid, **self.solved("own", "plan", seconds, tries)}
 
     def ompl(self, seconds: float, tries: int) -> dict[str, Any]:
         """OMPL's path, its duration by TOPP-RA, and from it as a start."""

@@ -39,13 +39,15 @@ from ocp_traj.formulation.requirements import (
 from ocp_traj.formulation.retiming import retiming
 from ocp_traj.formulation.route import Route, exact_points, route_of
 from ocp_traj.formulation.stretches import stretches_of
+from ocp_traj.formulation.surroundings import tool_paths
 from ocp_traj.formulation.task import Task
 from ocp_traj.formulation.task_collision import Clear, collision_notes, with_clearance
 from ocp_traj.formulation.task_file import changed, read_task, task_of, told
 from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_payload import carried, payload_notes
 from ocp_traj.formulation.task_resolution import resolve
-from ocp_traj.formulation.task_starts import with_start
+from ocp_traj.formulation.task_starts import stops_at_corners, with_start
+from ocp_traj.formulation.tool_clear import require_tool_clear
 from ocp_traj.formulation.tool_limits import enough_pieces, tool_limits, tool_speed_limit, tool_tuning
 from ocp_traj.formulation.tool_words import tool_figures, tool_notes
 from ocp_traj.formulation.tuning import Tuning
@@ -92,6 +94,7 @@ def _problem(task: Task) -> Problem:
     clear = None if task.collision is None else Clear.of(task.name, task.collision, robot)
     if clear is not None:
         clear.require_clear(exact_points(route))
+        require_tool_clear(clear, route.tool_moves)
     if kind == "cubic":
         return _posed(task, robot, route, clear, global_cubic(route.points, robot.limits))
     if kind == "retime":
@@ -109,11 +112,14 @@ def _problem(task: Task) -> Problem:
     if rest > degree // 2:
         raise InputError(f"{task.name}: [curve] rest is {rest}; {kind} segments hold up to {degree // 2}")
 
+    # Straight edges with a stop at each corner take pieces of a duration each.
+    even = clear is None or bool(route.tool_moves) or not stops_at_corners(task, clear.constraints)
+
     def parametrised(count: int) -> Parametrisation:
         return knot_states(
-            route.points, robot.limits, degree=degree, pieces=count, rest=rest, stops=route.stops, dwells=route.dwells,
-            via_tolerance=route.tolerance, start=route.begin, end=route.end, joints=robot.joints, units=robot.units,
-            stretches=stretches,
+            route.points, robot.limits, degree=degree, pieces=count, even=even, rest=rest, stops=route.stops,
+            dwells=route.dwells, via_tolerance=route.tolerance, start=route.begin, end=route.end, joints=robot.joints,
+            units=robot.units, stretches=stretches,
         )  # fmt: skip
 
     enough = enough_pieces(robot, route, parametrised) if route.tool_moves else 1
@@ -182,7 +188,7 @@ def _posed(task: Task, robot: Robot, route: Route, clear: Clear | None, made: Pa
                 *payload_notes(task), *collision_notes(task.collision),
                 *tool_notes(route, sum(len(v.labels) for v in made.variables), len(made.legs[0])),
             ),
-            figures=tool_figures(robot.size, limits),
+            figures=tool_figures(robot.size, limits), surroundings=lambda: tool_paths(route),
         ),
         tuning=tool_tuning(tuning, route, limits),
     )  # fmt: skip

@@ -40,6 +40,7 @@ from ocp_traj.formulation.objective import Objective, gauss
 from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.formulation.requirements import DurationConstraint, PathConstraint, PointConstraint, Requirements
 from ocp_traj.formulation.summary import Summary
+from ocp_traj.formulation.surroundings import SAMPLES, Surroundings
 from ocp_traj.formulation.tags import Tags
 from ocp_traj.formulation.tuning import Tuning, chebyshev
 from ocp_traj.paths.polyline_seam import PolylineSeam
@@ -260,6 +261,7 @@ def _weld(case: Ogbemhe2019) -> Problem:
             case, "a seam" if case.seam_file else "a tubular seam",
             f"nonic Bezier, approach, {count - 1} pieces of the seam, retract",
             figures=lambda motion: figures(machine, path, cut.tags, motion.curve, 1),
+            surroundings=lambda: Surroundings(paths={"seam": path.at(np.linspace(0.0, path.length, SAMPLES)).position}),
         ),
     )  # fmt: skip
 

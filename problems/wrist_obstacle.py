@@ -35,9 +35,11 @@ from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.formulation.requirements import Requirements
 from ocp_traj.formulation.rows import Conflict
+from ocp_traj.formulation.surroundings import Surroundings
 from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.problems import wrist
 from ocp_traj.problems.wrist import JOINTS, UNITS
+from ocp_traj.robot import bodies
 from ocp_traj.robot.collision import Obstacle, least_clearance
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.robot import Robot
@@ -130,6 +132,16 @@ def forward_kinematics(q: ArrayLike, case: ElHaiek2019 | None = None) -> tuple[A
 def inverse_kinematics(rotation: ArrayLike, position: ArrayLike, case: ElHaiek2019 | None = None) -> Array:
     """Joints ``(N, 2, 3)`` [rad] of poses of the tip, both branches, NaN where the tip does not get there."""
     return robot(case).reaching(wrist.inverse_kinematics(rotation, position), rotation, position)
+
+
+def surroundings(case: ElHaiek2019) -> Surroundings:
+    """Its obstacles and the link, in metres."""
+    spheres = [
+        bodies.sphere(f"obstacle {i}", 0, UNIT * np.array(place), UNIT * radius)
+        for i, (*place, radius) in enumerate(case.obstacles, 1)
+    ]
+    link = bodies.capsule("link", 3, np.zeros(3), [0.0, 0.0, UNIT * case.d3], UNIT * case.link_radius)
+    return Surroundings((*spheres, link))
 
 
 # Of the default case, of either branch the better, each objective with another within the reference point;
@@ -251,6 +263,7 @@ def _build(case: ElHaiek2019) -> Problem:
             "El Haiek et al. (2019), Procedia Manufacturing 32, 960-968", "quartic and quintic through one via point",
             homotopy_class=lambda motion: wrist.homotopy_class(motion.curve, spheres, int(case.branch)),
             describe_conflict=describe,
+            surroundings=lambda: surroundings(case),
         ),
     )  # fmt: skip
 

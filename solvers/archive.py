@@ -26,6 +26,11 @@ class Known:
     f: Array
     solution: Solution | None = None
 
+    @property
+    def name(self) -> bytes:
+        """Of its variables, to the last bit."""
+        return self.x.tobytes()
+
 
 class Archive:
     """Points none of which is dominated.
@@ -38,7 +43,7 @@ class Archive:
     def __init__(self, objectives: int, scales: Array) -> None:
         """Begins empty."""
         self.points: list[Known] = []
-        self._scales, self._closed = scales, set[tuple[int, int]]()
+        self._scales, self._closed = scales, set[frozenset[bytes]]()
         self.f = np.empty((0, objectives))
 
     @property
@@ -62,9 +67,18 @@ class Archive:
         self.f = np.vstack([self.f[stays], point.f])
         return True
 
-    def nearest(self, f: Array) -> Known:
-        """The point nearest to ``f (objectives,)`` in units of the front's extent."""
-        return self.points[int(np.argmin(np.linalg.norm((self.f - f) / self.extent, axis=1)))]
+    def nearest(self, f: Array) -> Known | None:
+        """The point with a solution that is nearest to ``f (objectives,)`` in units of the front's extent."""
+        solved = [i for i, point in enumerate(self.points) if point.solution is not None]
+        if not solved:
+            return None
+        return self.points[solved[int(np.argmin(np.linalg.norm((self.f[solved] - f) / self.extent, axis=1)))]]
+
+    def drop(self, x: Array) -> None:
+        """Takes a point out again, which is not proved after all."""
+        stays = [point.name != x.tobytes() for point in self.points]
+        self.points = [point for point, keep in zip(self.points, stays, strict=True) if keep]
+        self.f = self.f[stays]
 
     def distances(self, f: Array) -> Array:
         """Of points ``f (N, objectives)`` to the nearest of these, in units of the front's extent; inf for none."""
@@ -87,7 +101,8 @@ class Archive:
             sizes = np.abs(scaled[order[1:]] - scaled[order[:-1]]).prod(axis=1)
         else:
             apart = np.linalg.norm(scaled[:, None] - scaled, axis=2)
-            apart[[[i == j or self._pair(i, j) in self._closed for j in range(len(apart))] for i in range(len(apart))]] = np.inf
+            every = range(len(apart))
+            apart[[[i == j or self._pair(i, j) in self._closed for j in every] for i in every]] = np.inf
             pairs = list(enumerate(apart.argmin(axis=1).tolist()))
             sizes = apart.min(axis=1)
             sizes[~np.isfinite(sizes)] = 0.0
@@ -98,12 +113,7 @@ class Archive:
 
     def close(self, one: Known, other: Known) -> None:
         """Notes that something was looked for between two points."""
-        self._closed.add(_names(one, other))
+        self._closed.add(frozenset((one.name, other.name)))
 
-    def _pair(self, i: int, j: int) -> tuple[int, int]:
-        return _names(self.points[i], self.points[j])
-
-
-def _names(one: Known, other: Known) -> tuple[int, int]:
-    a, b = sorted((id(one), id(other)))
-    return a, b
+    def _pair(self, i: int, j: int) -> frozenset[bytes]:
+        return frozenset((self.points[i].name, self.points[j].name))

@@ -29,6 +29,7 @@ from ocp_traj.results.incumbent import no_worse_than
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.time_scaling import largest_excess, slow_down
 from ocp_traj.results.trajectory import audit_points, trajectory_of
+from ocp_traj.solvers.feasible_descent import FeasibleDescent, descends
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.protocols import NLPSolver
 from ocp_traj.solvers.way_back import WayBack
@@ -120,6 +121,10 @@ class Exchange:
             better, that, with what the exchange ended with in ``instead_of``.
         """
         begun = time.perf_counter()
+        if warm is None and opened is None and self.first is None and descends(problem, scalarisation):
+            descended = FeasibleDescent(problem, scalarisation, self.progress).solve(x0)
+            if descended is not None:
+                return _tightened(problem, scalarisation, descended)
         proved: list[Solution] = []
         found = self._rounds(problem, scalarisation, x0, warm, opened, proved, begun)
         known = {

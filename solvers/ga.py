@@ -24,6 +24,7 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.solution import Solution
+from ocp_traj.solvers.handover import handed_over
 
 
 class _Anywhere(Mutation):  # type: ignore[misc]  # pymoo is untyped
@@ -62,6 +63,7 @@ class GA:
         scaling: whether each individual is slowed down, or sped up, along its own path until a limit is just reached.
         per_segment: instants a segment at which limits are looked at, peaks between them by parabolas; the audit has
             the last word.
+        refine: whether the best individuals are handed to the local solver, whose result is proved and never worse.
         max_seconds: stop after the generation that passes this.
         progress: told after each generation.
     """
@@ -75,6 +77,7 @@ class GA:
     handling: str = choice("feasibility", ("feasibility", "death"))
     scaling: bool = False
     per_segment: int = count(31, least=2)
+    refine: bool = False
     max_seconds: float = np.inf
     progress: Progress = silent
 
@@ -101,4 +104,6 @@ class GA:
         """The best individual, proved where slowing it down can do that."""
         name = single_objective(problem, scalarisation, "ga")
         run, target = self.run(problem, name)
+        if self.refine:
+            return handed_over(run, target, problem, scalarisation, "ga", self.population, self.generations)
         return solution_of(run, target, problem, name, "ga", self.population, self.generations)

@@ -1,9 +1,9 @@
 """A memetic search for fronts: evolution outside, IPOPT inside, each handing to the other.
 
-The outer search is NSGA-II, NSGA-III or a competitive swarm. Every few generations some individuals are improved by goal
-attainment, proved, and put back among the population, whose descendants they lead on: the best of its first rank where
-they are least crowded, some that are far from all proved points, and between two proved neighbours that are far apart
-what lies there. The hybrid of Ogbemhe et al., ``hmoga``, is the special case of one such stage, at the very end.
+The outer search is NSGA-II, NSGA-III or a competitive swarm. Every few generations some individuals are improved by
+goal attainment, proved, and put back among the population, whose descendants they lead on: the best of its first rank
+where they are least crowded, some that are far from all proved points, and between two proved neighbours that are far
+apart what lies there. The hybrid of Ogbemhe et al., ``hmoga``, is the special case of one such stage, at the very end.
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ class Memetic:
     every: int = count(10)
     chosen: int = count(8)
     points: int = count(20, least=0)
-    local_share: float = share(0.7)
-    ends_share: float = share(0.3)
+    local_share: float = share(0.75)
+    ends_share: float = share(0.25)
     far_share: float = share(0.2)
     crossover: float = share(0.9)
     mutation: float | None = share(None)
@@ -102,13 +102,11 @@ class Memetic:
 
     def _run(self, problem: Problem, objectives: tuple[str, ...], stop: Stopping) -> ParetoSet:
         begun = time.perf_counter()
-        ends, info = ends_of(
-            problem, objectives, self.solver, self.starts, self.seed, self.ends_share * self.max_seconds, self.found
-        )
+        most = self.ends_share * self.max_seconds if np.isfinite(self.max_seconds) else np.inf
+        ends, info = ends_of(problem, objectives, self.solver, self.starts, self.seed, most, self.found)
         info["outer"] = self.outer
         if "conflict" in info or ends.interrupted:
             return ParetoSet(ends.xs, "memetic", self.seed, ends.seconds, info, ends.interrupted)
-        info.pop(ENDED_AFTER, None)  # its time was a share
         rng = np.random.default_rng(self.seed)
         handling = "dominated" if self.outer == "mopso" else "feasibility"
         target = PymooProblem(
@@ -116,7 +114,8 @@ class Memetic:
         )
         known = list(ends.xs) or inside(target, np.array([problem.guess(rng)]))
         first = first_generation(target, problem, objectives, known, self.population, self.seeded, rng)
-        stages = Stages(self, problem, objectives, target, ends.xs, rng)
+        complete = ENDED_AFTER not in info and not ends.info["unsolved ends"]
+        stages = Stages(self, problem, objectives, target, ends.xs, complete, rng)
         run = evolve(
             self._algorithm(first, len(objectives)), target, self.generations, self.seed,
             max(stop.deadline - time.perf_counter(), 0.0), self.progress, after=stages.after, found=self.found,
@@ -124,11 +123,12 @@ class Memetic:
         if not run.interrupted and not stop.due:
             stages.last()
         interrupted = stop.tell()
+        info.pop(ENDED_AFTER, None)  # the ends have had their share of the time
         xs = [*stages.xs, *inside(target, run.best)]
         if not xs and not interrupted and not stop.due:
             raise NoSolutionFound(
-                f"{problem.id}: neither an individual of {self.outer} met every limit in {self.generations} generations "
-                f"of {self.population}, nor did a local solve from one; use trace, which names the limits in conflict"
+                f"{problem.id}: no individual of {self.outer} met every limit in {self.generations} generations of "
+                f"{self.population}, nor did a local solve from one; use trace, which names the limits in conflict"
             )
         seconds = time.perf_counter() - begun
         info |= {
@@ -151,9 +151,7 @@ class Memetic:
     def _algorithm(self, first: Array, objectives: int) -> Any:
         """The outer search, as pymoo has it."""
         if self.outer == "mopso":
-            return CompetitiveSwarm(
-                pop_size=self.population, sampling=first, elite_size=max(10, self.population // 10)
-            )
+            return CompetitiveSwarm(pop_size=self.population, sampling=first, elite_size=max(10, self.population // 10))
         operators = {
             "sampling": first,
             "crossover": SBX(prob=self.crossover, eta=self.crossover_index),

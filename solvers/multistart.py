@@ -19,7 +19,8 @@ from ocp_traj.results.records import Found, ignore
 from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.elastic_exchange import amounts_to_give
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.solvers.starts import Line, WarmLine, forget_openings
+from ocp_traj.solvers.feasible_descent import descends
+from ocp_traj.solvers.starts import Line, WholeLine, forget_openings
 from ocp_traj.stopping import STOPS, stopping
 from ocp_traj.transcription.nlp import Status
 
@@ -66,11 +67,13 @@ class Multistart:
         """One solution a start, or two with ``all_optima``; Ctrl-C ends it early with those it has, if any."""
         return self._solved(problem, scalarisation, self._lines(problem, scalarisation, gives_up=False))[0]
 
-    def _lines(self, problem: Problem, scalarisation: Scalarisation, gives_up: bool) -> list[Line] | list[WarmLine]:
+    def _lines(self, problem: Problem, scalarisation: Scalarisation, gives_up: bool) -> list[Line] | list[WholeLine]:
         """What each start is solved by: one solver, or ``SOLVES`` with ``all_optima``."""
         solver, found = replace(self.solver, progress=silent) if self.workers.count else self.solver, self.found
         if problem.tuning.warm_start_objective not in ("", *scalarisation.names) and not self.all_optima:
-            return [WarmLine(problem, scalarisation, solver, self.workers, found)]
+            return [WholeLine("warmed", problem, scalarisation, solver, self.workers, found)]
+        if descends(problem, scalarisation) and not self.all_optima:  # which begins with no NLP
+            return [WholeLine("started", problem, scalarisation, solver, self.workers, found)]
         solvers = [solver]
         if self.all_optima:
             rounds = max(ROUNDS, solver.exchanges(problem))
@@ -78,7 +81,7 @@ class Multistart:
         return [Line(problem, scalarisation, each, self.workers, gives_up, found) for each in solvers]
 
     def _solved(
-        self, problem: Problem, scalarisation: Scalarisation, lines: Sequence[Line | WarmLine]
+        self, problem: Problem, scalarisation: Scalarisation, lines: Sequence[Line | WholeLine]
     ) -> tuple[list[Solution], int, str]:
         """The solutions, of how many starts, and after how many of them Ctrl-C came, if it did."""
         solutions: list[Solution] = []

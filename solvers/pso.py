@@ -22,6 +22,7 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.solution import Solution
+from ocp_traj.solvers.handover import handed_over
 
 W_MAX, W_MIN = 0.9, 0.4  # sect. 4 of Zhu and Wang
 CONSTRICTION = 2.0 / (4.1 - 2.0 + sqrt(4.1**2 - 4.0 * 4.1))  # Clerc and Kennedy (2002), phi = 4.1: 0.7298
@@ -79,6 +80,7 @@ class PSO:
         max_velocity: of a particle, a share of the bounds' range an iteration.
         per_segment: instants a segment at which limits are looked at, peaks between them by parabolas; the audit has
             the last word.
+        refine: whether the best individuals are handed to the local solver, whose result is proved and never worse.
         max_seconds: stop after the iteration that passes this.
         progress: told after each iteration.
     """
@@ -91,6 +93,7 @@ class PSO:
     weight: float = number(1e3, least=0.0)
     max_velocity: float = share(0.2)
     per_segment: int = count(31, least=2)
+    refine: bool = False
     max_seconds: float = np.inf
     progress: Progress = silent
 
@@ -123,4 +126,6 @@ class PSO:
         """The best particle, proved where slowing it down can do that."""
         name = single_objective(problem, scalarisation, "pso")
         run, target = self.run(problem, name)
+        if self.refine:
+            return handed_over(run, target, problem, scalarisation, "pso", self.population, self.generations)
         return solution_of(run, target, problem, name, "pso", self.population, self.generations)

@@ -24,9 +24,7 @@ def ends_of(
     found: Found,
 ) -> tuple[ParetoSet, dict[str, Any]]:  # fmt: skip
     """The ends of the front, each from some random starts, and what ``info`` says of them."""
-    tracer = FrontTracer(
-        len(objectives), solver=solver, starts=starts, seed=seed, max_seconds=max_seconds, found=found
-    )
+    tracer = FrontTracer(len(objectives), solver=solver, starts=starts, seed=seed, max_seconds=max_seconds, found=found)
     ends = tracer.pareto(problem, objectives)
     info: dict[str, Any] = {"ends": {**ends.info, "points": len(ends.xs), "seconds": ends.seconds}}
     if ends.info.get("conflict") is False:

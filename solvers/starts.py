@@ -185,9 +185,10 @@ class Line:
 
 
 @dataclass(frozen=True, eq=False)
-class WarmLine:
-    """Starts by way of an objective that is easily found."""
+class WholeLine:
+    """Starts that have nothing to do with each other: jobs of ``function``, ``warmed`` or ``started``."""
 
+    function: str
     problem: Problem
     scalarisation: Scalarisation
     solver: Exchange
@@ -197,7 +198,7 @@ class WarmLine:
     def begin(self, x0: Array) -> Pending:
         """Submits a start."""
         arguments = {"solver": self.solver, "scalarisation": self.scalarisation, "x0": x0}
-        return self.workers.submit(Job("ocp_traj.solvers.starts:warmed", self.problem, arguments))
+        return self.workers.submit(Job(f"ocp_traj.solvers.starts:{self.function}", self.problem, arguments))
 
     def end(self, x0: Array, pending: Pending) -> list[Solution]:
         """Its solution."""

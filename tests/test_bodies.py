@@ -13,16 +13,16 @@ import pytest
 from ocp_traj.errors import FileFormatError, InputError, RobotDefinitionError
 from ocp_traj.robot.bodies import Body, box, capsule, cylinder, half_space, sphere
 from ocp_traj.robot.body_pairs import (
-    body_clearances,
     disabled_collisions,
     obstacle_pairs,
     random_postures,
     self_pairs,
 )
 from ocp_traj.robot.capsule_fit import clipped, fit_capsules
-from ocp_traj.robot.cores import placed
+from ocp_traj.robot.cores import Cores, group_of
 from ocp_traj.robot.descriptions import description_urdf, package_folders
 from ocp_traj.robot.nearest_points import nearest
+from ocp_traj.robot.pair_distances import PairDistances
 from ocp_traj.robot.placements import placements_function
 from ocp_traj.robot.robot import Robot
 from ocp_traj.robot.urdf_bodies import mesh_triangles, urdf_bodies
@@ -30,6 +30,14 @@ from tests.independent.bodies import extent
 from tests.random_robots import random_model, random_placement
 
 FINITE = ("sphere", "capsule", "box", "cylinder")
+
+
+def placed(bodies: list[Body], rotation: np.ndarray, position: np.ndarray) -> Cores:
+    """Cores of bodies whose joints have rotations ``(N, 3, 3)`` and positions ``(N, 3)``."""
+    centre, axes, half = (np.array([getattr(body, name) for body in bodies]) for name in ("centre", "axes", "half"))
+    world = np.einsum("nij,nj->ni", rotation, centre) + position
+    half = np.where(np.isfinite(half), half, 0.0)
+    return Cores(np.array([group_of(body) for body in bodies]), world, rotation @ axes, half)
 
 
 def some(rng: np.random.Generator, kind: str, name: str = "b", joint: int = 0) -> Body:
@@ -255,7 +263,7 @@ def test_meshes_are_never_nearer_than_the_capsules_around_them(ur5: tuple[Robot,
     everything = (*bodies, ball)
     pairs = obstacle_pairs(everything, [len(bodies)])
     postures = random_postures(robot, 20)
-    found = body_clearances(robot, everything, pairs, postures).min(axis=1)
+    found = PairDistances(robot, [(everything[i], everything[j]) for i, j in pairs]).least(postures)
     geometry.addGeometryObject(pin.GeometryObject("ball", 0, pin.SE3(np.eye(3), ball.centre), coal.Sphere(0.05)))
     for k in range(1, len(geometry.geometryObjects) - 1):
         geometry.addCollisionPair(pin.CollisionPair(k, len(geometry.geometryObjects) - 1))

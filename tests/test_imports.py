@@ -24,7 +24,7 @@ LAYERS = (
     "solvers",
     "io",
     "api",
-    "reproductions",
+    "reproductions report",
     "cli",
     "__main__ __init__",
 )

@@ -17,6 +17,7 @@ from ocp_traj.robot.clearance_scan import SAG, ClearanceScan
 from ocp_traj.robot.pair_distances import PairDistances
 from ocp_traj.robot.robot import Robot
 from ocp_traj.solvers.way_back import WayBack
+from ocp_traj.transcription.symbolic import motion_of
 
 LOW, HIGH = np.full(2, -1.0), np.full(2, 1.0)
 
@@ -228,11 +229,12 @@ def test_a_start_that_a_curve_does_not_take_is_refused(tmp_path: Path) -> None:
 
 def test_a_stalled_solve_that_went_through_the_wall_begins_at_the_clear_start_again(tmp_path: Path) -> None:
     (tmp_path / "task.toml").write_text(TASK)
-    problem = load("task", file=str(tmp_path / "task.toml"))
-    points = {}
-    for start in ("straight", "plan"):
-        changed = load("task", file=str(tmp_path / "task.toml"), **{"solve.start": start})
-        points[start] = changed.guess(np.random.default_rng([0, 0]))
+    problem, straight = (
+        load("task", file=str(tmp_path / "task.toml"), **{"solve.start": start}) for start in ("plan", "straight")
+    )
+    assert problem.variables_of is not None
+    points = {"plan": problem.guess(np.random.default_rng([0, 0]))}
+    points["straight"] = problem.variables_of(motion_of(straight, straight.guess(np.random.default_rng([0, 0]))))
     back = WayBack(problem, points["plan"])
     assert back.after(points["straight"], stalled=False) is None
     assert np.array_equal(back.after(points["straight"], stalled=True), points["plan"])  # type: ignore[arg-type]

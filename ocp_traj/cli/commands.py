@@ -162,6 +162,7 @@ def solve(
             metavar="RUN|FILE", help="Begin at an earlier result, not at random: a trajectory, or a run's best point."
         ),
     ] = None,
+    refine: Annotated[bool, typer.Option(help="Hand the best of a population (pso, ga) to IPOPT.")] = False,
     all_optima: Annotated[bool, typer.Option(help="List every distinct local optimum that a start ends in.")] = False,
     certify: Annotated[
         bool | None,
@@ -204,6 +205,10 @@ def solve(
     for path in targets:
         check_writable(path)
     options = methods.options_from_text(methods.SOLVE, method, _pairs(option, "--option"))
+    if refine:
+        if method == "exchange":
+            raise InputError("--refine hands a population to exchange, which needs none; give --method pso or ga")
+        options["refine"] = True
     with stopping() as stop:
         with console.progress("solving") as progress:
             solution = api.solve(
@@ -537,6 +542,34 @@ def export(
     if "verdict" in found.about:
         console.say(found.about["verdict"])
     return DONE if found.proved else NOT_PROVED
+
+
+@app.command()
+@one_blas_thread
+def report(
+    sources: Annotated[
+        list[Path], typer.Argument(metavar="RUN|TRAJECTORY..", help="Run folders and trajectory files, shown together.")
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="HTML", help="The page to write.")] = Path(
+        "report.html"
+    ),
+    json: AsJson = False,
+) -> int:
+    """Writes a page to look at a front and its motions: one HTML file that opens offline (extra `report`).
+
+    Example: ocp-traj report runs/first -o front.html
+    """
+    from ocp_traj.cli.report_sheet import report_sheet
+    from ocp_traj.report.page import check_page, write_page
+    from ocp_traj.report.sources import read_sources
+
+    check_page(output)
+    check_writable(output)
+    found = read_sources(sources)
+    written = write_page(found, output)
+    console.show(report_sheet(found, written), json)
+    console.say(f"report: {written}")
+    return DONE if all(point.audit.proved for source in found for point in source.points) else NOT_PROVED
 
 
 @app.command()

@@ -145,6 +145,8 @@ class Evolution:
         interrupted: whether Ctrl-C ended it before its last generation.
         moved: whether it found anything better than its first generation: a feasible individual that none of the first
             is as good as in every objective, to ``SAME``.
+        last: decision vectors ``(N, n)`` of the last population; the least broken first, of those the best in the first
+            objective.
     """
 
     best: Array
@@ -152,6 +154,7 @@ class Evolution:
     seconds: float
     interrupted: bool
     moved: bool
+    last: Array
 
     def reached(self, value: float) -> int | None:
         """Evaluations after which the best value was at most this, or None."""
@@ -223,7 +226,8 @@ def evolve(
     else:
         best = champion[None] if champion is not None else np.empty((0, target.problem_size))
     history = pd.DataFrame(rows, columns=["evaluations", "best", "violation"]).rename_axis("generation")
-    return Evolution(best, history, time.perf_counter() - begun, interrupted, gains_on(feasible(), begun_with))
+    moved = gains_on(feasible(), begun_with)
+    return Evolution(best, history, time.perf_counter() - begun, interrupted, moved, _last(algorithm, target))
 
 
 def gains_on(values: Array, on: Array) -> bool:
@@ -239,6 +243,15 @@ def _best(algorithm: Any, target: PymooProblem) -> Array:
         return np.empty((0, target.problem_size))
     met = np.ravel(best.get("excess").astype(float)) <= 0.0
     return target.meant(np.atleast_2d(best.get("X").astype(float))[met])
+
+
+def _last(algorithm: Any, target: PymooProblem) -> Array:
+    """The population, see ``Evolution.last``."""
+    pop = algorithm.pop
+    if pop is None or not len(pop) or not pop.has("excess"):
+        return np.empty((0, target.problem_size))
+    order = np.lexsort((pop.get("F").astype(float)[:, 0], np.ravel(pop.get("excess").astype(float))))
+    return np.asarray(pop.get("X").astype(float)[order])
 
 
 def _tell(found: Found, best: Array) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ocp_traj.curves.motion import Motion
     from ocp_traj.formulation.rows import Conflict
+    from ocp_traj.formulation.surroundings import Surroundings
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +24,7 @@ class About:
         figures: motion -> (name, value, unit) of each quantity that is no objective and yet worth reporting.
         homotopy_class: motion -> name of the class it is in, such as the side on which it passes an obstacle.
         describe_conflict: what a limit broken at a fixed end state means.
+        surroundings: what stands around the robot and is on its links, beside the bodies of its limits; for pictures.
     """
 
     title: str = ""
@@ -32,3 +34,4 @@ class About:
     figures: Callable[[Motion], Sequence[tuple[str, float, str]]] | None = None
     homotopy_class: Callable[[Motion], str] | None = None
     describe_conflict: Callable[[Conflict], str] | None = None
+    surroundings: Callable[[], Surroundings] | None = None

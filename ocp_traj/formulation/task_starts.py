@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ocp_traj.arrays import Array
+from ocp_traj.curves.families import hermite
+from ocp_traj.curves.stops import with_stops
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.formulation.clearance import ClearanceConstraint
 from ocp_traj.formulation.parametrisation import Parametrisation
+from ocp_traj.formulation.polylines import clear_polyline
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.route import route_of
 from ocp_traj.formulation.task import Task
-from ocp_traj.formulation.ways import MOST, OMPL, PLAN, TOUCHING, Ways
+from ocp_traj.formulation.ways import MOST, OMPL, PLAN, TOUCHING, Ways, reach_of
 from ocp_traj.robot.robot import Robot
 
 AUTO, STRAIGHT = "auto", "straight"
@@ -53,6 +58,8 @@ def with_start(
         return replace(problem, guess=lambda rng: _completed(made.guess(rng), usual(rng)))
     ways = ways_of(task, problem.robot, points, clearances)
     lower, upper = problem.lower, problem.upper
+    each = len(made.variables[0].labels) == sum(map(len, made.legs))  # a duration a piece
+    stops = each and stops_at_corners(task, clearances)
 
     def guess(rng: np.random.Generator) -> Array:
         x = usual(rng)
@@ -60,9 +67,36 @@ def with_start(
             curve = made.curve(x[: sum(len(v.labels) for v in made.variables)])
             if ways.scan(0.0).least(curve(np.linspace(0.0, curve.duration, SAMPLES))).min() >= -TOUCHING:
                 return x
-        return np.asarray(np.clip(_completed(along(rng, ways), x), lower, upper))
+        curve = stopping_start(made, ways, rng) if stops else None
+        return np.asarray(np.clip(_completed(along(rng, ways) if curve is None else curve, x), lower, upper))
 
-    return replace(problem, guess=guess)
+    return replace(problem, guess=guess, tuning=replace(problem.tuning, descends=stops))
+
+
+def stops_at_corners(task: Task, clearances: Sequence[Any]) -> bool:
+    """Whether random starts of a task are polylines past obstacles, with a stop at every corner."""
+    start = task.solve.start
+    return bool(clearances) and (start in (PLAN, OMPL) if isinstance(start, str) else True)
+
+
+def stopping_start(made: Parametrisation, ways: Ways, rng: np.random.Generator) -> Array | None:
+    """Variables of the curve for a polyline on each leg, with a stop at every corner.
+
+    None where there is none of so few edges as a leg has pieces, or where the ends are not at rest.
+    """
+    if made.dilate is None:
+        return None
+    base, rows, reach = made.curve(made.guess(rng)), made.continuity + 1, reach_of(ways.robot.limits)
+    durations = np.array(base.durations, dtype=float)
+    ends = [(k, 0.0) for k in range(base.segments)] + [(base.segments - 1, 1.0)]
+    states = np.array([[base.at(k, np.array([u]), order)[0] for order in range(rows)] for k, u in ends])
+    for i, leg in enumerate(made.legs):
+        path = clear_polyline(ways, i, len(leg), rng)
+        driven = None if path is None else with_stops(path, reach, rows, len(leg))
+        if driven is None:
+            return None
+        durations[leg.start : leg.stop], states[leg.start : leg.stop + 1] = driven
+    return made.variables_of(hermite(list(states), durations))
 
 
 def planned_path(problem: Problem, planner: str, seed: int) -> Array:

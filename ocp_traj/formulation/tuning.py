@@ -38,6 +38,7 @@ class Tuning:
         max_exchanges: rounds of constraint exchange; flat valleys need more.
         regularisation: {objective: weight}, added to the scalarised objective of every NLP, each over its scale: makes
             the optimum unique where many trajectories are equally good.
+        descends: whether random starts keep all limits, so that a solver goes down from them by steps that keep them.
         solver_options: of NLP solvers, {solver: {its own name of an option: value}}, where its own converge badly.
     """
 
@@ -49,6 +50,7 @@ class Tuning:
     max_exchanges: int = 10
     regularisation: Mapping[str, float] = field(default_factory=dict)
     solver_options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    descends: bool = False
 
     def __post_init__(self) -> None:
         """Checks the numbers."""

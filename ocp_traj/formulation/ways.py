@@ -6,7 +6,6 @@ They are where an optimiser begins, not via points: it may leave them, and what 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 
 import numpy as np
 
@@ -14,14 +13,16 @@ from ocp_traj.arrays import Array
 from ocp_traj.curves.rounded import Rounded, rounded
 from ocp_traj.errors import InputError
 from ocp_traj.formulation.clearance import ClearanceConstraint
-from ocp_traj.paths.connecting_trees import Space, connect, shortened
+from ocp_traj.paths.connecting_trees import STEP, Space, connect, shortened
 from ocp_traj.robot.clearance_scan import ClearanceScan
 from ocp_traj.robot.joint_limits import JointLimits
 from ocp_traj.robot.robot import Robot
 
 PLAN, OMPL = "plan", "ompl"
 MOST = 60_000  # points that a planner looks at for one leg: our choice, a few seconds
-ROOM = 0.01  # [m] beyond what is asked, which a planner keeps from obstacles where it can: our choice
+# [m] beyond what is asked, which a planner keeps from obstacles, in the order in which it is tried; but not CLOSE to
+# the ends, of the norm of q / speed, which may have less: our choice.
+ROOMS, CLOSE = (0.01, 0.003, 0.0), 0.1
 TRIES = 2  # plans, of which the one whose rounded corners come least near, and then the quickest, is taken
 SLOWER = (1.0, 1.5, 2.0, 3.0)  # than the limits allow; the first at which rounded corners come near no obstacle
 TOUCHING = 1e-3  # [m] by which rounded corners may be too near and count as clear: what is left the optimiser mends
@@ -48,6 +49,7 @@ class Ways:
         """Checks that a given path passes the via points."""
         self.points, self.robot, self.clearances, self.planner = points, robot, clearances, planner
         self._given = None if given is None else _legs_of(given, points, robot, name)
+        self._scans: dict[float, ClearanceScan] = {}
 
     def __call__(self, begin: int, end: int, rng: np.random.Generator) -> Rounded | None:
         """A motion from via point ``begin`` to ``end``, past those between; None where no way was found.
@@ -72,33 +74,41 @@ class Ways:
     def planned(self, leg: int, rng: np.random.Generator) -> Array | None:
         """A way ``(W, n)`` from one via point to the next, shortened; None where none was found."""
         start, goal = self.points[leg], self.points[leg + 1]
-        ends = np.array([start, goal])
-        for room in (ROOM, 0.0):
-            scan = self.scan(room)
-            if room and not scan.clear(ends).all():
-                continue
-            space = Space(*self._box(start, goal), self._speeds, scan.clear)
+        for room in ROOMS:
+            space = self.space(start, goal, room)
             if self.planner == OMPL:
                 from ocp_traj.paths.ompl_planner import ompl_path  # an extra that few have
 
                 path = ompl_path(space, start, goal, int(rng.integers(2**31 - 1)), MOST)
             else:
-                path = connect(space, start, goal, rng, MOST if room == 0.0 else MOST // 3)
+                path = connect(space, start, goal, rng, MOST if room == 0.0 else MOST // 4)
             if path is not None:
                 return shortened(space, path, rng)
         return None
 
+    def given(self, leg: int) -> Array | None:
+        """The way of a leg that was given, if one was."""
+        return None if self._given is None else self._given[leg]
+
+    def space(self, start: Array, goal: Array, room: float = 0.0, step: float = STEP) -> Space:
+        """Joint space between two points, and what is clear in it; some room to obstacles but close to these."""
+        plain, ends = self.scan(0.0).clear, np.array([start, goal])
+        roomy, scale = self.scan(room).clear, self._speeds
+
+        def clear(q: Array) -> Array:
+            found = roomy(q)
+            close = np.linalg.norm((q[:, None] - ends) / scale, axis=2).min(axis=1) <= CLOSE
+            if (again := np.flatnonzero(close & ~found)).size:
+                found[again] = plain(q[again])
+            return found
+
+        return Space(*self._box(start, goal), scale, clear if room else plain, step)
+
     def scan(self, room: float) -> ClearanceScan:
         """Clearances less what is asked for, and less some room to what does not move."""
-        return self._roomy if room else self._plain
-
-    @cached_property
-    def _plain(self) -> ClearanceScan:
-        return self._scan(0.0)
-
-    @cached_property
-    def _roomy(self) -> ClearanceScan:
-        return self._scan(ROOM)
+        if room not in self._scans:
+            self._scans[room] = self._scan(room)
+        return self._scans[room]
 
     def _scan(self, room: float) -> ClearanceScan:
         pairs, asked = [], []
@@ -110,7 +120,7 @@ class Ways:
         return ClearanceScan(self.robot, pairs, asked)
 
     def _least(self, motion: Rounded) -> float:
-        return float(self._plain.least(motion.states[::SAMPLES, 0]).min())
+        return float(self.scan(0.0).least(motion.states[::SAMPLES, 0]).min())
 
     def _driven(self, ways: Sequence[Array]) -> Rounded:
         """The motion along ways, one after the other, no slower than it has to be for its corners to be clear."""
@@ -139,12 +149,19 @@ class Ways:
         return np.ones(self.robot.size) if reach is None or not np.isfinite(reach).all() else reach
 
     def _box(self, start: Array, goal: Array) -> tuple[Array, Array]:
-        """Where a planner looks: within the limits on position, and a turn of the ends where there are none."""
+        """Where a planner looks: within the limits on position, and half a turn of the ends."""
         low, high = np.minimum(start, goal) - np.pi, np.maximum(start, goal) + np.pi
         pair = self.robot.limits.bounds(0)
         if pair is None:
             return low, high
-        return np.where(np.isfinite(pair[0]), pair[0], low), np.where(np.isfinite(pair[1]), pair[1], high)
+        return np.maximum(pair[0], low), np.minimum(pair[1], high)
+
+
+def reach_of(limits: JointLimits) -> Array:
+    """The least bound, of both ways, on derivatives 1 to 4 of each joint ``(4, n)``; infinite where there is none."""
+    known = [_reach(limits, order) for order in range(1, 5)]
+    size = next((len(reach) for reach in known if reach is not None), limits.size or 1)
+    return np.array([np.full(size, np.inf) if reach is None else reach for reach in known])
 
 
 def _reach(limits: JointLimits, order: int) -> Array | None:

@@ -27,12 +27,13 @@ class Space:
         low, high: bounds ``(n,)``, finite.
         scale: by which distances are measured ``(n,)``, such as the joints' speeds.
         clear: points ``(N, n)`` -> whether each is clear.
+        step: between points that are looked at along a line, of the norm of q / scale.
         looked: how many points were looked at.
     """
 
-    def __init__(self, low: Array, high: Array, scale: Array, clear: Clear) -> None:
+    def __init__(self, low: Array, high: Array, scale: Array, clear: Clear, step: float = STEP) -> None:
         """Keeps them."""
-        self.low, self.high, self.scale, self.clear, self.looked = low, high, scale, clear, 0
+        self.low, self.high, self.scale, self.clear, self.step, self.looked = low, high, scale, clear, step, 0
 
     def distance(self, a: Array, b: Array) -> Array:
         """Between points, rows of ``(.., n)``."""
@@ -40,7 +41,7 @@ class Space:
 
     def reached(self, begins: Array, ends: Array) -> Array:
         """How far along straight lines ``(B, n)`` all that is looked at is clear: shares of them ``(B,)``."""
-        counts = np.maximum(1, np.ceil(self.distance(begins, ends) / STEP)).astype(int)
+        counts = np.maximum(1, np.ceil(self.distance(begins, ends) / self.step)).astype(int)
         which = np.repeat(np.arange(len(counts)), counts)
         number = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
         share = (number / counts[which])[:, None]

@@ -23,8 +23,12 @@ def best_front(fronts: Mapping[str, Front], names: Iterable[str]) -> Front:
 
     def worth(name: str) -> float:
         front = fronts[name]
-        known = set(front.objectives) <= set(front.problem.reference_point)
-        return front.hypervolume(ideal=ideal).value if len(front) and known else float(len(front) > 0)
+        reference = front.problem.reference_point
+        if not (len(front) and set(front.objectives) <= set(reference)):
+            return float(len(front) > 0)
+        # Where no point of any is better than the reference in every objective there is no box, and nothing in it.
+        box = all(signs[name] * ideal[name] < signs[name] * reference[name] for name in front.objectives)
+        return front.hypervolume(ideal=ideal).value if box else 0.0
 
     worths = {name: worth(name) for name in fronts}
     best = max(worths, key=lambda name: worths[name])

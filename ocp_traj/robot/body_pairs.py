@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,12 +11,10 @@ import numpy as np
 from ocp_traj.arrays import Array, Index
 from ocp_traj.errors import FileFormatError, quoted
 from ocp_traj.files import LONGEST_PATH, read_text
-from ocp_traj.interval.tape import Tape
 from ocp_traj.robot.bodies import Body
-from ocp_traj.robot.cores import Cores, placed
-from ocp_traj.robot.nearest_points import nearest
-from ocp_traj.robot.placements import placements_function
+from ocp_traj.robot.pair_distances import PairDistances
 from ocp_traj.robot.robot import Robot
+from ocp_traj.robot.urdf import description_root
 
 POSTURES = 256  # at which pairs that touch at every one are looked for: our choice
 SEED = 0
@@ -84,37 +81,11 @@ def self_pairs(
     return BodyPairs(kept, tuple(never), tuple(disabled_found))
 
 
-def body_clearances(robot: Robot, bodies: Sequence[Body], pairs: Sequence[tuple[int, int]], q: Array) -> Array:
-    """Distances of pairs of bodies ``(N, pairs)`` at postures ``(N, n)`` [m], in floats; below zero where they overlap.
-
-    Where cores meet, which have no depth, minus the sum of the radii.
-    """
-    angles = np.atleast_2d(np.asarray(q, dtype=float))
-    joints = sorted({body.joint for body in bodies})
-    values = Tape(placements_function(robot, joints)).evaluate(angles.T)[0]
-    frames = values.reshape(len(joints), 12, -1).transpose(0, 2, 1)
-    rotation, position = frames[..., :9].reshape(*frames.shape[:2], 3, 3), frames[..., 9:]
-    found = np.empty((len(angles), len(pairs)))
-    cores: dict[int, Cores] = {}
-    for index in {index for pair in pairs for index in pair}:
-        place = joints.index(bodies[index].joint)
-        cores[index] = placed([bodies[index]] * len(angles), rotation[place], position[place])
-    for k, (i, j) in enumerate(pairs):
-        x, y, normal = nearest(cores[i], cores[j])
-        found[:, k] = ((x - y) * normal).sum(axis=1) - bodies[i].radius - bodies[j].radius
-    return found
-
-
 def disabled_collisions(path: str | Path) -> Links:
     """Pairs of links of an SRDF's ``disable_collisions``."""
     text = read_text(path, "SRDF")
     origin = quoted(str(path), LONGEST_PATH)
-    try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise FileFormatError(f"{origin} is not an SRDF: it is not XML ({error})") from error
-    if root.tag != "robot":
-        raise FileFormatError(f"{origin} is not an SRDF: its root is <{root.tag}>, expected <robot>")
+    root = description_root(text, origin, "an SRDF", FileFormatError)
     found = set()
     for element in root.iter("disable_collisions"):
         names = element.get("link1"), element.get("link2")
@@ -133,10 +104,12 @@ def _touching(
     names = [(bodies[i].link, bodies[j].link) for i, j in pairs]
     distinct = list(dict.fromkeys(names))
     row_of: Index = np.array([distinct.index(name) for name in names])
-    clearances = body_clearances(robot, bodies, pairs, random_postures(robot, postures))
-    least = np.full((len(distinct), postures), np.inf)
-    np.minimum.at(least, row_of, clearances.T)
-    return {name: None for name, row in zip(distinct, least, strict=True) if (row < 0.0).mean() >= MOSTLY}
+    distances, q = PairDistances(robot, [(bodies[i], bodies[j]) for i, j in pairs]), random_postures(robot, postures)
+    at, rows = np.nonzero(distances.at_least(q) < 0.0)
+    met = distances.distances(q[at], rows) < 0.0
+    overlap = np.zeros((len(distinct), postures), dtype=bool)
+    overlap[row_of[rows[met]], at[met]] = True
+    return {name: None for name, row in zip(distinct, overlap, strict=True) if row.mean() >= MOSTLY}
 
 
 def random_postures(robot: Robot, count: int, seed: int = SEED) -> Array:

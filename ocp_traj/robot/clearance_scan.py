@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from ocp_traj.arrays import Array, Index
-from ocp_traj.robot.bodies import CYLINDER, HALF_SPACE, Body
+from ocp_traj.robot.bodies import CYLINDER, Body
 from ocp_traj.robot.placements import placements_function
 from ocp_traj.robot.robot import Robot
+from ocp_traj.robot.signed_distance import outside
 
 SAG = 0.05  # of the radius, by which balls along a capsule fall short of it between two: our choice
 CHUNK = 256  # postures at once: the arrays stay in the processor's cache
@@ -100,11 +101,11 @@ class ClearanceScan:
         placed, clear = self._placed(q), np.ones(len(q), dtype=bool)
         for group, body in self._obstacles:
             turn, place = placed[group.joint]
-            near = _outside(body, turn @ group.middle + place) <= group.reach
+            near = outside(body, turn @ group.middle + place) <= group.reach
             here = np.flatnonzero(near & clear)
             if len(here):
                 points = group.centres @ turn[here].swapaxes(1, 2) + place[here, None]
-                clear[here] = (_outside(body, points) - group.radii).min(axis=1) >= 0.0
+                clear[here] = (outside(body, points) - group.radii).min(axis=1) >= 0.0
         for one, other, margin in self._own:
             (turn_a, place_a), (turn_b, place_b) = placed[one.joint], placed[other.joint]
             apart = turn_a @ one.middle + place_a - turn_b @ other.middle - place_b
@@ -119,7 +120,7 @@ class ClearanceScan:
         for group, body in self._obstacles:
             turn, place = placed[group.joint]
             points = group.centres @ turn.swapaxes(1, 2) + place[:, None]
-            least = np.minimum(least, (_outside(body, points) - group.radii).min(axis=1))
+            least = np.minimum(least, (outside(body, points) - group.radii).min(axis=1))
         for one, other, margin in self._own:
             least = np.minimum(least, _between(one, other, placed, everywhere, margin).min(axis=1))
         return least
@@ -160,15 +161,3 @@ def _group(joint: int, bodies: Sequence[tuple[tuple[Array, Array], float]]) -> _
 def _around(joint: int, centres: Array, radii: Array) -> _Group:
     middle = 0.5 * (centres.min(axis=0) + centres.max(axis=0))
     return _Group(joint, centres, radii, middle, float((np.linalg.norm(centres - middle, axis=1) + radii).max()))
-
-
-def _outside(body: Body, points: Array) -> Array:
-    """Signed distance of points ``(.., 3)`` from a body that does not move, in closed form."""
-    local = (points - body.centre) @ body.axes
-    if body.kind == HALF_SPACE:
-        return np.asarray(local[..., 2] - body.radius)
-    beyond = np.abs(local) - body.half
-    if body.kind == CYLINDER:
-        beyond = np.stack([np.hypot(local[..., 0], local[..., 1]) - body.half[0], beyond[..., 2]], axis=-1)
-    outer = np.sqrt((np.maximum(beyond, 0.0) ** 2).sum(axis=-1))
-    return np.asarray(outer + np.minimum(beyond.max(axis=-1), 0.0) - body.radius)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -77,14 +76,6 @@ def group_of(body: Body) -> int:
     if body.kind == CYLINDER:
         return CYLINDERS
     return BOXES if (body.half[:2] > 0.0).any() else SEGMENTS
-
-
-def placed(bodies: Sequence[Body], rotation: Array, position: Array) -> Cores:
-    """Cores of bodies whose joints have rotations ``(N, 3, 3)`` and positions ``(N, 3)``."""
-    centre, axes, half = (np.array([getattr(body, name) for body in bodies]) for name in ("centre", "axes", "half"))
-    world = np.einsum("nij,nj->ni", rotation, centre) + position
-    half = np.where(np.isfinite(half), half, 0.0)
-    return Cores(np.array([group_of(body) for body in bodies]), world, rotation @ axes, half)
 
 
 def projected(local: Array, half: Array, cylinder: NDArray[np.bool_]) -> Array:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ocp_traj.arrays import Array, Index
 from ocp_traj.robot.bodies import Body
+from ocp_traj.robot.signed_distance import outside_box
 
 CHUNK = 200_000  # pairs at postures at once: the arrays stay in the processor's cache
 
@@ -63,9 +64,7 @@ class PairBounds:
         apart = centres[:, self._first] - centres[:, self._second]
         found[:, self._balls] = np.sqrt(np.einsum("npi,npi->np", apart[:, self._balls], apart[:, self._balls]))
         local = np.einsum("pij,npi->npj", self._turn, apart[:, self._walls])
-        beyond = np.abs(local) - self._half
-        outer = np.maximum(beyond, 0.0)
-        found[:, self._walls] = np.sqrt(np.einsum("npi,npi->np", outer, outer)) + np.minimum(beyond.max(axis=2), 0.0)
+        found[:, self._walls] = outside_box(local, self._half)
         if len(self._planes):
             carrier = own[self._second[self._planes]]
             normal = np.einsum("npij,pj->npi", rotations[:, carrier], self._normal)

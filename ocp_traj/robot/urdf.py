@@ -9,7 +9,7 @@ from sys import float_info
 import numpy as np
 import pinocchio as pin
 
-from ocp_traj.errors import FileFormatError, RobotDefinitionError, UnsupportedJoint, quoted
+from ocp_traj.errors import FileFormatError, InputError, RobotDefinitionError, UnsupportedJoint, quoted
 from ocp_traj.files import LONGEST_PATH, read_text
 from ocp_traj.robot.dynamics import joint_index, joint_is_revolute
 from ocp_traj.robot.inertias import MOMENTS
@@ -112,17 +112,23 @@ def urdf_text(source: str | Path) -> tuple[str, str]:
 
 def urdf_root(text: str, origin: str) -> ElementTree.Element:
     """The root element, checked to be a robot and no xacro."""
-    try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise RobotDefinitionError(f"{origin} is not a URDF: it is not XML ({error})") from error
-    if root.tag != "robot":
-        raise RobotDefinitionError(f"{origin} is not a URDF: its root is <{root.tag}>, expected <robot>")
+    root = description_root(text, origin, "a URDF", RobotDefinitionError)
     if any("xacro" in element.tag for element in root.iter()):
         raise RobotDefinitionError(f"{origin} is a xacro file, not a URDF; run xacro on it first")
     for link in root.iter("link"):
         for part in link.iter("inertial"):
             _check_inertial(part, f"link {link.get('name')!r} of {origin}")
+    return root
+
+
+def description_root(text: str, origin: str, kind: str, error: type[InputError]) -> ElementTree.Element:
+    """The root element of a URDF or SRDF, ``kind`` in words, checked to be a robot; ``error`` is what refuses it."""
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as wrong:
+        raise error(f"{origin} is not {kind}: it is not XML ({wrong})") from wrong
+    if root.tag != "robot":
+        raise error(f"{origin} is not {kind}: its root is <{root.tag}>, expected <robot>")
     return root
 
 

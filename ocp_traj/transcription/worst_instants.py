@@ -26,6 +26,7 @@ from ocp_traj.transcription.shape import ShapeAt, shape_of
 SCAN = 48  # samples a segment when looking for peaks: our choice, far denser than the degrees in use have peaks
 SCAN_CHOSEN = 17  # of limits whose constants are chosen, whose curves have many segments: our choice
 FIRST_CHOSEN = 7  # instants a segment of such limits in the first grid, its end left out: our choice
+SCAN_LOWEST, EVERY = 33, 4  # samples a segment of the lowest rows, and which of these are taken in any case: our choice
 NEARBY = 1.0  # of its size: a row of such a limit that is farther above its bound is not looked at; our choice
 FINE = 33  # samples about a sample that stands out, from one neighbour to the other: our choice
 NEWTON, NEWTON_SWEPT = 4, 8  # steps: our choice
@@ -260,6 +261,30 @@ def near_instants(problem: Problem, x: Array) -> list[Instant]:
         above = near_values(limit, shape, segments, u[:-1], limit.within)
         rows: dict[tuple[int, int], list[int]] = {}
         for k, row, i in np.argwhere(np.isfinite(above)).tolist():
+            rows.setdefault((k, i), []).append(row)
+        found += [Instant(limit.id, int(segments[k]), float(u[i]), tuple(own)) for (k, i), own in rows.items()]
+    return found
+
+
+def lowest_instants(problem: Problem, x: Array, within: float) -> list[Instant]:
+    """Where rows of limits whose constants are chosen are lowest in time at ``x (n,)``, and every few samples between.
+
+    Args:
+        problem: whose.
+        x: where.
+        within: their sizes above their bounds up to which rows are looked at.
+    """
+    shape, found = shape_of(problem).at(x), []
+    u = np.linspace(0.0, 1.0, SCAN_LOWEST)
+    for limit in problem.chosen_limits:
+        segments = np.array(list(filter(limit.holds_on, range(len(shape.durations)))), dtype=np.intp)
+        above = near_values(limit, shape, segments, u, within * limit.within)
+        around = np.pad(above, ((0, 0), (0, 0), (1, 1)), constant_values=np.inf)
+        least = (above <= around[:, :, :-2]) & (above < around[:, :, 2:]) | (np.arange(len(u)) % EVERY == 0)
+        rows: dict[tuple[int, int], list[int]] = {}
+        for k, row, i in np.argwhere(
+            np.isfinite(above) & least & (above < within * limit.within * limit.size)
+        ).tolist():
             rows.setdefault((k, i), []).append(row)
         found += [Instant(limit.id, int(segments[k]), float(u[i]), tuple(own)) for (k, i), own in rows.items()]
     return found
