@@ -145,4 +145,4 @@ class FrontPoints:
         known = self.problem.ideal_point(self.names)
         if not known:
             return np.asarray(self.values.min(axis=0, initial=np.inf))
-        return self.signs * np.array([known[name] for name in self.names])
+        return np.asarray(self.signs * np.array([known[name] for name in self.names]))
