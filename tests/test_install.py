@@ -107,7 +107,10 @@ def test_one_top_level_name_is_claimed(install: Install) -> None:
 
 def test_types_and_every_module_of_every_room_are_shipped(install: Install) -> None:
     """Each is importable as the name its place in the checkout gives it, and comes from where it was installed to."""
-    assert (install.packages("elsewhere")[0] / "py.typed").is_file()
+    package = install.packages("elsewhere")[0]
+    assert (package / "py.typed").is_file()
+    parts = [path.name for path in (install.root / "ocp_traj" / "report" / "static").iterdir()]
+    assert parts and all((package / "report" / "static" / name).is_file() for name in parts)  # of the page
     modules = {}
     for name, package in zip(PACKAGES, install.packages("elsewhere"), strict=True):
         for path in (install.root / name).rglob("*.py"):

@@ -15,18 +15,13 @@ if TYPE_CHECKING:
 
 def report_sheet(sources: Sequence[Source], target: Path) -> Sheet:
     """Runs and trajectories on a page, with their verdicts."""
-    shown = [
-        {
-            "name": source.name, "problem": source.problem.id, "points": len(source.points),
-            "verdicts": dict(Counter(point.audit.verdict for point in source.points)),
-        }
-        for source in sources
-    ]  # fmt: skip
+    shown, rows = [], []
+    for source in sources:
+        verdicts = Counter(point.audit.verdict for point in source.points)
+        facts = source.name, source.problem.id, len(source.points)
+        shown.append(dict(zip(("name", "problem", "points"), facts, strict=True)) | {"verdicts": dict(verdicts)})
+        rows.append([*facts, ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())])
     size = target.stat().st_size
-    rows = [
-        [name, problem, points, ", ".join(f"{n} {verdict}" for verdict, n in verdicts.items())]
-        for name, problem, points, verdicts in (one.values() for one in shown)
-    ]
     title = f"{target.name}: {size / 1e6:.3g} MB"
     data = {"written": str(target), "bytes": size, "shown": shown}
     return Sheet(data, [(title, ["run or trajectory", "problem", "points", "verdicts"], rows)])
