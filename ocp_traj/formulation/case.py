@@ -170,6 +170,8 @@ def _converted(wanted: str, f: Field[Any], value: Any) -> Any:
         if value is None or value == "none":
             return None
         return _number(f"{wanted} a number, or none", int if f.metadata["whole"] else float, value)
+    if default is None and f.type in ("str | None", str | None):
+        return None if value is None else str(value)
     if default is None:
         return None if value is None else _floats(value, f"{wanted} numbers, such as 1,0,0.5")
     if isinstance(default, tuple) and default and isinstance(default[0], tuple):
