@@ -13,10 +13,11 @@ PIP = $(BIN)/python -m pip --disable-pip-version-check
 INSTALL = $(PIP) install --quiet --prefer-binary
 # A file stays on one worker, so what its tests share is computed once.
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
+METHODS ?= runs/methods.jsonl
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow test-browser kill resume-kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias bench-workers bench-scenes bench-guo coverage lint clean
+.PHONY: help front test test-slow test-browser kill resume-kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias bench-workers bench-methods bench-scenes bench-guo coverage lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
@@ -37,6 +38,7 @@ help:
 	@echo "make bench-guo Guo's 100 random starts by SLSQP and by IPOPT: costs, iterations, seconds; two minutes"
 	@echo "make bench-workers what two and four workers save, by a clock of its own; half an hour"
 	@echo "make bench-vias what 10, 100 and 1000 via points cost; minutes"
+	@echo "make bench-methods every method on six problems, 20 s and 60 s each, into METHODS; an hour, and goes on"
 	@echo "make bench-scenes SCENES=FOLDER problems of MotionBenchMaker in clutter beside OMPL and TOPP-RA; hours, and goes on"
 	@echo "                where it was stopped"
 	@echo "make lint       ruff, and mypy on the installed package"
@@ -99,6 +101,9 @@ bench-guo: $(VENV)/.installed-dev
 
 bench-vias: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.via_points
+
+bench-methods: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.methods $(METHODS) $(OPTIONS)
 
 bench-workers: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.workers

@@ -4,9 +4,9 @@
 
 Guo et al. (2016), sect. 6, run MATLAB's fmincon (SQP) from 100 random points and give the mean cost. SLSQP is SciPy's.
 Both see the same rows at the same few instants with exact gradients; IPOPT has exact second derivatives too, which SQP
-of this kind has no use for. A start has converged where its solver says so and the rows hold; what it ends in is proved,
-or not, as it is: limits are looked at on instants alone. The last line is what the package does: IPOPT with exchange.
-Seconds are of the CPU and without proofs, but for exchange, whose rounds end with one.
+of this kind has no use for. A start has converged where its solver says so and the rows hold; what it ends in is proved
+or not as it is, since limits are looked at on instants alone. The last line is IPOPT with exchange, as the package has
+it. Seconds are of the CPU and without proofs, but for exchange, whose rounds end with one.
 """
 
 from __future__ import annotations

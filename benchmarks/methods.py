@@ -243,6 +243,7 @@ def main() -> None:
     if not given.table:
         kinds = ("solve",) if given.solves else ("front",)
         known = finished(given.results)
+        given.results.parent.mkdir(parents=True, exist_ok=True)
         budgets = [float(s) for s in given.seconds.split(",")]
         for cell in cells(kinds, given.cells, budgets, given.seed, given.cpu):
             if cell not in known:

@@ -41,6 +41,7 @@ from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.payload import OBJECTIVE as PAYLOAD_MASS
 from ocp_traj.solvers.payload import LargestPayload, along, static_bound, within
 from ocp_traj.solvers.protocols import FrontMethod
+from ocp_traj.solvers.runs import best_run
 from ocp_traj.stopping import current, stopping
 from ocp_traj.transcription.end_states import fixed_conflicts
 from ocp_traj.transcription.nlp import Status
@@ -175,7 +176,7 @@ def _solve(
         # In this process, whatever the workers: parts are no problems that another one could build again by an id.
         return _by_parts(problem, problem.decomposition, objective, weights, method, starts, seed, solver, **options)
     if method != "exchange":
-        found = _population(problem, scalar, method, starts, seed, progress, **options)
+        found = best_run(problem, scalar, method, starts, seed, progress, workers, **options)
     else:
         if solver is not None and options:
             raise InputError(f"give a solver or its options ({', '.join(options)}), not both")
@@ -217,34 +218,6 @@ def _check_start(problem: Problem, method: str, starts: int | None, all_optima: 
     if problem.alternatives:
         choices = ", ".join(problem.alternatives)
         raise InputError(f"{problem.id} is {choices} in one, and takes no start; give it to one of its alternatives")
-
-
-def _population(
-    problem: Problem, scalar: Scalarisation, method: str, runs: int, seed: int, progress: Progress, **options: Any
-) -> Solution:
-    """The best of some runs of a population, with seeds ``seed``, ``seed + 1``, .."""
-    chosen = methods.configured(methods.SOLVE, method, seed=seed, progress=progress, **options)
-    found: list[Solution] = []
-    failure: NoSolutionFound | None = None
-    stop = current()
-    for k in range(runs):
-        try:
-            found.append(replace(chosen, seed=seed + k).solve(problem, scalar))
-        except NoSolutionFound as error:
-            failure = error
-        except KeyboardInterrupt as reason:
-            if not found:
-                raise
-            stop.take(reason)
-        if stop.interrupted:
-            break
-    if not found and failure is not None:
-        stop.check()
-        raise failure
-    if stop.tell() and runs > 1:
-        ended = [solution for solution in found if not solution.interrupted]
-        return replace(best_of(found), interrupted=f"after {len(ended)} of {runs} starts")
-    return best_of(found)
 
 
 def _by_parts(

@@ -1,7 +1,8 @@
-"""The arrays of numbers and of indices that annotations mean."""
+"""The arrays of numbers, of indices and of truth values that annotations mean."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Flags = NDArray[np.bool_]

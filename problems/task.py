@@ -47,6 +47,7 @@ from ocp_traj.formulation.task_objectives import objectives_of, worst_values
 from ocp_traj.formulation.task_payload import carried, payload_notes
 from ocp_traj.formulation.task_resolution import resolve
 from ocp_traj.formulation.task_starts import stops_at_corners, with_start
+from ocp_traj.formulation.tool_clear import require_tool_clear
 from ocp_traj.formulation.tool_limits import enough_pieces, tool_limits, tool_speed_limit, tool_tuning
 from ocp_traj.formulation.tool_words import tool_figures, tool_notes
 from ocp_traj.formulation.tuning import Tuning
@@ -93,6 +94,7 @@ def _problem(task: Task) -> Problem:
     clear = None if task.collision is None else Clear.of(task.name, task.collision, robot)
     if clear is not None:
         clear.require_clear(exact_points(route))
+        require_tool_clear(clear, route.tool_moves)
     if kind == "cubic":
         return _posed(task, robot, route, clear, global_cubic(route.points, robot.limits))
     if kind == "retime":

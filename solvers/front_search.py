@@ -170,7 +170,7 @@ class FrontSearch:
     @property
     def lower(self) -> Array:
         """What the second objective is not below in each cell, at most its reference ``(CELLS,)``."""
-        return np.minimum(self.closed, self.values.min(axis=0, initial=self.worst))
+        return np.asarray(np.minimum(self.closed, self.values.min(axis=0, initial=self.worst)))
 
     @property
     def start(self) -> float:

@@ -102,9 +102,8 @@ class Memetic:
 
     def _run(self, problem: Problem, objectives: tuple[str, ...], stop: Stopping) -> ParetoSet:
         begun = time.perf_counter()
-        ends, info = ends_of(
-            problem, objectives, self.solver, self.starts, self.seed, self.ends_share * self.max_seconds, self.found
-        )
+        most = self.ends_share * self.max_seconds if np.isfinite(self.max_seconds) else np.inf
+        ends, info = ends_of(problem, objectives, self.solver, self.starts, self.seed, most, self.found)
         info["outer"] = self.outer
         if "conflict" in info or ends.interrupted:
             return ParetoSet(ends.xs, "memetic", self.seed, ends.seconds, info, ends.interrupted)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,13 +16,11 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.results.records import Found, of_solve
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.trajectory import audit_points
+from ocp_traj.solvers.aims import Aim, Aims
 from ocp_traj.solvers.archive import Archive, Known
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.solvers.refinement import LEAST, attainment
+from ocp_traj.solvers.refinement import attainment
 from ocp_traj.stopping import STOPS, current, stopping
-from ocp_traj.transcription.symbolic import evaluate_objectives
-
-STEP = 0.3  # of the front's extent, or of an only point's values, by which one goes beyond an end; our choice
 
 
 class Recipe(Protocol):
@@ -46,26 +44,6 @@ class Recipe(Protocol):
     def found(self) -> Found: ...  # noqa: D102
 
 
-@dataclass(frozen=True, eq=False)
-class _Aim:
-    """One local solve, from ``x`` towards ``goal`` with ``weights``, less is better.
-
-    Attributes:
-        kind: of what it improves.
-        x: start ``(n,)``.
-        goal, weights: ``(objectives,)``.
-        near: whose instants and multipliers it begins with.
-        pair: the neighbours it lies between.
-    """
-
-    kind: str
-    x: Array
-    goal: Array
-    weights: Array
-    near: Known | None
-    pair: tuple[Known, Known] | None = None
-
-
 class Stages:
     """Local solves between generations, and their proved points.
 
@@ -84,18 +62,18 @@ class Stages:
         ends: Sequence[Array], complete: bool, rng: np.random.Generator,
     ) -> None:  # fmt: skip
         """Takes the ends in; see the class."""
-        self.recipe, self.problem, self.names, self.target, self.rng = recipe, problem, objectives, target, rng
+        self.recipe, self.problem, self.names, self.target = recipe, problem, objectives, target
         self.archive = Archive(len(objectives), target.scales)
+        self.aims = Aims(self.archive, target, recipe.far_share, complete, rng)
         for x in ends:
-            self.archive.add(Known(x, self._f(x)))
+            self.archive.add(Known(x, self.aims.values(x)))
+            self.aims.tried.add(x.tobytes())
         self.seconds = self.seconds_within = 0.0
         self.solves = self.iterations = self.failed = self.better = self.stages = 0
         self.injected = self.survived = 0
         self.kinds = {"first rank": 0, "far": 0, "gap": 0, "beyond": 0}
-        self._complete, self._ended = complete, [set[bytes]() for _ in objectives]
         self._generation, self._begun = 0, time.perf_counter()
         self._fresh: set[bytes] = set()
-        self._tried = keys(list(ends))
         # Where solutions are compared, or asked for less than they keep, each is proved at once.
         self._at_once = problem.tighten_slacks is not None or problem.tuning.starts > 1
         self._algorithm: Any = None
@@ -148,7 +126,7 @@ class Stages:
         done = 0
         with stopping() as stop:
             try:
-                for aim in self._aims(algorithm):
+                for aim in self.aims.of(algorithm):
                     if not (self._left(begun) if timed else done < most):
                         break
                     current().check()
@@ -165,95 +143,9 @@ class Stages:
         self.seconds += spent
         return spent
 
-    # --- what is handed over ---
-
-    def _aims(self, algorithm: Any) -> Iterator[_Aim]:
-        """Individuals, gaps and what is beyond the ends in turn, as long as there are any."""
-        individuals, gaps, beyond = self._individuals(algorithm), self._gaps(), self._beyond()
-        while True:
-            found = [aim for aim in (next(individuals, None), next(gaps, None), next(beyond, None)) if aim is not None]
-            if not found:
-                return
-            yield from found
-
-    def _individuals(self, algorithm: Any) -> Iterator[_Aim]:
-        """Of the first rank, those in the widest gaps first; now and then one that is far from all proved points."""
-        pop = algorithm.pop
-        x, excess = pop.get("X").astype(float), np.ravel(pop.get("excess").astype(float))
-        fresh = np.array([row.tobytes() not in self._tried for row in x], dtype=bool)
-        met = np.flatnonzero((excess <= 0.0) & fresh)
-        if not len(met):  # then those that break limits least
-            order = np.argsort(excess, kind="stable")
-            for i in (i for i in order.tolist() if fresh[i] and excess[i] > 0.0):
-                yield self._of_individual("far", x[i])
-            return
-        f = pop.get("F").astype(float)
-        box = self.target.xu - self.target.xl
-        left = list(met.tolist())
-        while left:
-            some = np.array(left)
-            if self.rng.uniform() < self.recipe.far_share and self.archive.points:
-                apart = (x[some][:, None] - np.array(self.xs)) / np.where(box > 0.0, box, 1.0)
-                i, kind = int(some[np.argmax(np.linalg.norm(apart, axis=2).min(axis=1))]), "far"
-            else:
-                first = [k for k in left if self.archive.gains(f[k]) and not _dominated(f[k], f[met])]
-                if not first:
-                    return
-                i, kind = first[int(np.argmax(self.archive.distances(f[first])))], "first rank"
-            left.remove(i)
-            yield self._of_individual(kind, x[i])
-
-    def _of_individual(self, kind: str, x: Array) -> _Aim:
-        """Along the ray from the nadir through the individual itself."""
-        self._tried.add(x.tobytes())
-        f, extent = self._f(x), self.archive.extent
-        nadir = np.vstack([self.archive.f, f]).max(axis=0)
-        near = None if kind == "far" else self.archive.nearest(f)
-        return _Aim(kind, x, f, np.maximum(nadir - f, LEAST * extent), near)
-
-    def _gaps(self) -> Iterator[_Aim]:
-        """From what is between two proved neighbours towards the best of both."""
-        while (pair := self.archive.gap()) is not None:
-            one, other = pair
-            self.archive.close(one, other)
-            yield self._between(one, other)
-
-    def _between(self, one: Known, other: Known) -> _Aim:
-        """From the middle of two of one family, whose objectives lie between theirs; else from one of them."""
-        goal, worst = np.minimum(one.f, other.f), np.maximum(one.f, other.f)
-        if one.solution is None:
-            one, other = other, one
-        x = 0.5 * (one.x + other.x)
-        f = self._f(x)
-        alike = bool(((goal <= f) & (f <= worst)).all())
-        weights = np.maximum(worst - goal, LEAST * self.archive.extent)
-        near = one if one.solution is not None else self.archive.nearest(one.f)
-        return _Aim("gap", x if alike else one.x, goal, weights, near, (one, other))
-
-    def _beyond(self) -> Iterator[_Aim]:
-        """From each end of what is known outwards: better in its objective, and no more than that worse in others."""
-        tried: set[int] = set()
-        while not self._complete:
-            for k in range(len(self.names)):
-                if not self.archive.points:
-                    return
-                end = self.archive.points[int(np.argmin(self.archive.f[:, k]))]
-                size = np.abs(end.f) if len(self.archive.points) == 1 else self.archive.extent
-                step = np.maximum(STEP * size, LEAST * self.target.scales)
-                goal = end.f.copy()
-                goal[k] -= step[k]
-                if end.name in self._ended[k] or (goal + step > self.target.worst)[np.arange(len(goal)) != k].any():
-                    tried.add(k)
-                    continue
-                self._ended[k].add(end.name)
-                tried.discard(k)
-                yield _Aim("beyond", end.x, goal, step, end if end.solution is not None else None)
-            if len(tried) == len(self.names):
-                return
-
     # --- what comes of it ---
 
-    def _attempt(self, aim: _Aim, waiting: list[Solution], new: list[Array]) -> None:
+    def _attempt(self, aim: Aim, waiting: list[Solution], new: list[Array]) -> None:
         """One aim; of a gap, where it gains nothing, once more from its other side."""
         solution = self._solve(aim)
         if not self._takes(solution) and aim.pair is not None:
@@ -263,7 +155,7 @@ class Stages:
             return
         self.archive.add(Known(solution.x, self._of(solution), solution))
         self.better += 1
-        self._tried.add(solution.x.tobytes())
+        self.aims.tried.add(solution.x.tobytes())
         new.append(solution.x)
         if solution.audit is None:
             waiting.append(solution)
@@ -271,7 +163,7 @@ class Stages:
     def _takes(self, solution: Solution | None) -> bool:
         return solution is not None and self.archive.gains(self._of(solution))
 
-    def _solve(self, aim: _Aim) -> Solution | None:
+    def _solve(self, aim: Aim) -> Solution | None:
         """A solution, with the neighbour's instants and multipliers first, then without; None where there is none."""
         signs = self.target.signs
         goal = attainment(self.names, aim.goal * signs, aim.weights)
@@ -307,12 +199,3 @@ class Stages:
 
     def _of(self, solution: Solution) -> Array:
         return np.array([solution.objectives[name] for name in self.names]) * self.target.signs
-
-    def _f(self, x: Array) -> Array:
-        values = evaluate_objectives(self.problem, x)
-        return np.array([values[name] for name in self.names]) * self.target.signs
-
-
-def _dominated(f: Array, others: Array) -> bool:
-    """Whether one of ``others (N, objectives)`` is as good in all and better in one."""
-    return bool(((others <= f).all(axis=1) & (others < f).any(axis=1)).any())

@@ -8,6 +8,7 @@ import casadi
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.interpolate import make_interp_spline
 
 from ocp_traj.errors import InputError
 from ocp_traj.interval.tape import Tape
@@ -188,3 +189,14 @@ def test_a_joint_at_the_end_of_its_range_is_named(panda: Robot) -> None:
     with pytest.raises(InputError, match=r"panda_joint7 would have to go to .* beyond its range, which ends at 2\.897"):
         follow(ik, path, q)
     assert follow(InverseKinematics(panda, free_turn=True), path, q).least > SINGULAR  # where it may turn, it need not
+
+
+def test_postures_of_an_arm_with_a_joint_to_spare_join_smoothly(panda: Robot) -> None:
+    """A spline through a few of them is on the path between: what is to spare does not jump from one to the next."""
+    ik = InverseKinematics(panda)
+    start = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8])
+    path = ToolPath((Section.line(ik.pose(start), np.array([0.0, 0.3, 0.05]), np.zeros(3)),))
+    places = np.linspace(0.0, path.length, 17)
+    spline = make_interp_spline(places, follow(ik, path, start).at(places, ik, path), k=5)
+    for s in np.linspace(0.0, path.length, 200):
+        assert np.linalg.norm(ik.pose(spline(s)).translation - path.at(s).translation) < 1e-5

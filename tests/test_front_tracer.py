@@ -3,14 +3,16 @@
 from dataclasses import replace
 from typing import Any
 
+import moocore
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
 from ocp_traj import problems
 from ocp_traj.errors import InputError, NoSolutionFound, UnknownName
+from ocp_traj.evolution.population import Population
 from ocp_traj.formulation.problem import Problem
-from ocp_traj.formulation.scalarise import EpsilonConstraint, Scalarisation
+from ocp_traj.formulation.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation
 from ocp_traj.proof.audit import audit_all
 from ocp_traj.results.front import Front
 from ocp_traj.results.pareto_set import ParetoSet
@@ -119,43 +121,102 @@ def test_objectives_that_do_not_conflict_leave_no_gap_to_fill() -> None:
     assert float(found.xs[0][0]) == pytest.approx(Quintic().least_time, rel=1e-8)
 
 
+THREE = ["time", "first", "second"]
+
+
 @pytest.fixture(scope="module")
-def lattice() -> ParetoSet:
-    return FrontTracer(points=18).pareto(stairs_problem(), ["time", "first", "second"])
+def surface() -> ParetoSet:
+    return FrontTracer(points=18).pareto(stairs_problem(), THREE)
 
 
-def test_a_lattice_of_three_objectives_gives_proved_non_dominated_points(lattice: ParetoSet) -> None:
-    """15 directions of 4 partitions, the 3 corners known already, and the ends: 3 + 12; 3 of finer lattices."""
+def test_a_front_of_three_objectives_has_as_many_points_as_asked_for_all_proved(surface: ParetoSet) -> None:
     problem = stairs_problem()
-    f = values(problem, lattice, ["time", "first", "second"])
-    assert len(f) == 18
-    assert all(proved(problem, lattice))
-    assert not dominated(f).any()
+    assert len(surface.xs) == 18
+    assert all(proved(problem, surface))
+    assert not dominated(values(problem, surface, THREE)).any()
+    assert surface.info["points by time scaling"] > 18  # of which the best were kept
+    assert surface.info["solves"] <= 18 + 3
 
 
-def test_points_of_the_lattice_lie_on_their_directions_from_the_ideal(lattice: ParetoSet) -> None:
-    """(f - ideal) / (span direction) is one number, gamma, for every objective whose direction is not zero."""
-    f = values(stairs_problem(), lattice, ["time", "first", "second"])
-    ends, rest = f[:3], f[3:15]
-    low, span = ends.min(axis=0), np.ptp(ends, axis=0)
-    shares = (rest - low) / span
-    shares /= shares.sum(axis=1)[:, None]
-    inner = shares[(shares > 0.05).all(axis=1)]
-    assert len(inner) == 3  # (2, 1, 1)/4 and its turns
-    expected = np.array([[0.5, 0.25, 0.25], [0.25, 0.5, 0.25], [0.25, 0.25, 0.5]])
-    for direction in expected:
-        assert np.abs(inner - direction).max(axis=1).min() < 1e-5
-
-
-def test_points_of_the_lattice_lie_within_the_reference_box() -> None:
-    """A box that cuts the stairs' front: without its bounds on every solve, directions lead out of it."""
+def test_points_of_three_objectives_dominate_most_of_what_all_trajectories_do(surface: ParetoSet) -> None:
+    """Every (T1, T2) within the limits is on the front: 0.867 of the box between the ends, 18 points 0.795 of it."""
     problem = stairs_problem()
-    names = ["time", "first", "second"]
-    free = values(problem, FrontTracer(points=12).pareto(problem, names), names)
+    f = values(problem, surface, THREE)
+    grid = np.stack(np.meshgrid(*2 * [np.linspace(0.5, 6.0, 150)]), axis=-1).reshape(-1, 2)
+    found = Population(problem, THREE, per_segment=21).evaluate(grid)
+    every = found.objectives[(found.violations <= 0.0).all(axis=1)]
+    corner = np.array([problem.reference_point[name] for name in THREE])
+    ours, all_of_them = (
+        moocore.hypervolume((v - f.min(axis=0)) / np.ptp(f, axis=0), ref=np.ones(3)) for v in (f, every)
+    )
+    assert (f <= corner * (1.0 + 1e-9)).all()
+    assert ours > 0.9 * all_of_them
+
+
+def test_a_front_of_three_objectives_repeats_itself_bit_by_bit(surface: ParetoSet) -> None:
+    again = FrontTracer(points=18).pareto(stairs_problem(), THREE)
+    assert_array_equal(again.xs, surface.xs)
+    assert again.info == surface.info
+
+
+def test_an_objective_that_all_ends_share_is_kept_and_not_traded() -> None:
+    """With the first stair's time fixed its effort is one number: what is left is the curve of the second."""
+    problem = stairs_problem()
+    (blocks,) = problem.variables
+    narrow = replace(problem, variables=(replace(blocks, lower=np.array([2.0, 0.5]), upper=np.array([2.0, 6.0])),))
+    narrow = replace(narrow, dilate=None)
+    found = FrontTracer(points=8).pareto(narrow, THREE)
+    assert len(found.xs) >= 7
+    assert all(proved(narrow, found))
+    assert np.array(found.xs)[:, 0] == pytest.approx(2.0)
+    assert not dominated(values(narrow, found, THREE)).any()
+
+
+def test_three_objectives_that_do_not_conflict_have_one_best_point() -> None:
+    problem = replace(quintic_problem(), reference_point={})
+    twice = replace(problem.objective("speed"), id="twice", scale=2.0)
+    found = FrontTracer(points=5).pareto(
+        replace(problem, objectives=(*problem.objectives, twice)), ["time", "speed", "twice"]
+    )
+    assert len(found.xs) == 1 and found.info["conflict"] is False
+
+
+def test_ctrl_c_keeps_the_points_of_three_objectives_that_there_are() -> None:
+    def stop(done: int, total: int, words: str) -> None:
+        if "dilations" in words:  # the first wave between the ends has come in
+            raise KeyboardInterrupt
+
+    found = FrontTracer(points=30, progress=stop).pareto(stairs_problem(), THREE)
+    assert found.interrupted
+    assert 8 < len(found.xs) <= 30
+    assert all(proved(stairs_problem(), found))
+
+
+class _Aimless(Exchange):
+    """Gives up on goal attainment."""
+
+    def solve(self, problem: Problem, scalarisation: Scalarisation, *given: Any, **more: Any) -> Solution:
+        found = super().solve(problem, scalarisation, *given, **more)
+        if isinstance(scalarisation, GoalAttainment):
+            return replace(found, status=Status.ITERATION_LIMIT, audit=None, trajectory=None)
+        return found
+
+
+def test_targets_that_are_not_reached_are_given_up_and_the_rays_of_the_ends_stay() -> None:
+    found = FrontTracer(points=6, solver=_Aimless()).pareto(stairs_problem(), THREE)
+    assert found.info["failed"] >= 6
+    assert len(found.xs) == 6
+    assert all(proved(stairs_problem(), found))
+
+
+def test_points_of_three_objectives_lie_within_the_reference_box() -> None:
+    """A box that cuts the stairs' front: some targets beside it are out of reach."""
+    problem = stairs_problem()
+    free = values(problem, FrontTracer(points=12).pareto(problem, THREE), THREE)
     corner = np.median(free, axis=0) * 1.05
-    boxed = replace(problem, reference_point=dict(zip(names, corner.tolist(), strict=True)))
+    boxed = replace(problem, reference_point=dict(zip(THREE, corner.tolist(), strict=True)))
     assert (free > corner).any()
-    assert (values(boxed, FrontTracer(points=12).pareto(boxed, names), names) <= corner * (1 + 1e-9)).all()
+    assert (values(boxed, FrontTracer(points=12).pareto(boxed, THREE), THREE) <= corner * (1 + 1e-9)).all()
 
 
 class _Stubborn(Exchange):
@@ -307,7 +368,11 @@ def test_points_of_the_front_are_optimal_whatever_the_start(hybrid: Problem, for
 
 
 @pytest.mark.slow
-def test_a_lattice_of_three_objectives_of_the_hybrid_robot_is_non_dominated(hybrid: Problem) -> None:
+def test_three_objectives_of_the_hybrid_robot_dominate_most_of_their_box(hybrid: Problem) -> None:
+    """Reference (8 s, 6000, 100), ideal (2.4836 s, 1565.2, 0): 0.612 of the box with 24 points."""
     names = ["time", "energy", "jerk"]
-    found = FrontTracer(points=16, starts=1).pareto(hybrid, names)
-    assert len(_check_front(hybrid, found, names)) >= 10
+    found = FrontTracer(points=24, starts=1).pareto(hybrid, names)
+    f = _check_front(hybrid, found, names)
+    assert len(f) == 24
+    ideal, reference = np.array([2.4836, 1565.2, 0.0]), np.array([8.0, 6000.0, 100.0])
+    assert moocore.hypervolume(np.maximum((f - ideal) / (reference - ideal), 0.0), ref=np.ones(3)) >= 0.60

@@ -244,3 +244,29 @@ def test_show_tells_what_was_understood_of_a_path(capsys: pytest.CaptureFixture[
     text = capsys.readouterr().out
     assert "tool path 1: 1 line, 0.304138 m to (0.592583, 0.414972, 0.420928)" in text
     assert "position within 1 mm, tilt within 0.035 rad" in text and "posture at its beginning: as given" in text
+
+
+def _past(centre: np.ndarray, radius: float, **move: Any) -> ot.Problem:
+    ball = {"name": "ball", "sphere": {"centre": centre.tolist(), "radius": radius}}
+    flange = {"frame": "tool", "name": "flange", "sphere": {"centre": [0.0, 0.0, 0.03], "radius": 0.03}}
+    collision = {"links": "given", "self": False, "link": [flange], "obstacle": [ball], "clearance": 0.005}
+    return _task({"line": {"by": [0.0, 0.3, 0.05]}} | move, collision=collision)
+
+
+def test_a_path_through_an_obstacle_is_refused_with_the_place_and_the_bodies() -> None:
+    rotation, (place, *_) = ot.Robot.from_description("ur5", tool_frame="tool0").poses([START])
+    middle = place + [0.0, 0.15, 0.025] + rotation[0] @ [0.0, 0.0, 0.03]  # of the flange, halfway
+    words = (
+        r"at 0\.15\d* m of 0\.3041 m along tool path 1, at \(.*\) m: .*(flange and ball|ball and flange) come nearer"
+    )
+    with pytest.raises(InputError, match=words):
+        _past(middle, 0.02)
+    # Beside the path by the sum of radii, the clearance and less than the tolerances: they leave room.
+    aside = np.cross([0.0, 0.3, 0.05], [1.0, 0.0, 0.0])
+    for off, fits in ((0.0545, True), (0.05, False)):
+        centre = middle + off * aside / np.linalg.norm(aside)
+        if fits:
+            _past(centre, 0.02)
+        else:
+            with pytest.raises(InputError, match=r"by .* mm more than the tolerances of the path make room for"):
+                _past(centre, 0.02)

@@ -35,11 +35,11 @@ ID = "tests.test_workers:arm"  # of an own problem that workers can build
 
 
 def arm() -> Problem:
-    return quintic_problem()
+    return replace(quintic_problem(), id=ID)
 
 
 def quintic() -> Problem:
-    return replace(ot.problems.load(ID), id=ID)
+    return ot.problems.load(ID)
 
 
 def job(problem: Problem, **changes: Any) -> Job:
@@ -155,6 +155,13 @@ def test_starts_begun_ahead_are_shared_and_given_up_as_one_after_the_other(optio
     assert [(o.solution.f, o.starts, o.sampled) for o in one.optima] == [
         (o.solution.f, o.starts, o.sampled) for o in ahead.optima
     ]
+
+
+def test_runs_of_a_population_that_are_begun_ahead_change_nothing() -> None:
+    options: dict[str, Any] = {"objective": "time", "method": "pso", "starts": 3, "generations": 4, "population": 10}
+    one, ahead = (ot.solve(quintic(), workers=workers, **options) for workers in (Workers(), Ahead()))
+    assert one.x.tolist() == ahead.x.tolist() and one.detail == ahead.detail
+    assert one.history is not None and one.history.equals(ahead.history)
 
 
 def test_finished_work_is_answered_and_the_front_is_the_same() -> None:

@@ -11,17 +11,17 @@ from ocp_traj.results.front_comparison import FrontComparison
 
 def comparison_sheet(compared: FrontComparison, problem: str) -> Sheet:
     """Fronts side by side, and the share of each that every other one dominates."""
+    names = list(compared.points)
+    rows = zip(names, compared.table.to_dict("records"), strict=True)
     runs: list[dict[str, Any]] = [
-        {"run": name, **{column: _plain(value) for column, value in row.items()}}
-        for name, row in zip(compared.table.index, compared.table.to_dict("records"), strict=True)
+        {"run": name, **{str(column): _plain(value) for column, value in row.items()}} for name, row in rows
     ]
-    names = list(compared.coverage)
-    shares = {a: {b: _plain(compared.coverage.loc[a, b]) for b in names if b != a} for a in names}
+    shares = {a: {b: _plain(float(compared.coverage[b][a])) for b in names if b != a} for a in names}
     data = {
         "problem": problem, "objectives": list(compared.objectives),
         "reference": dict(compared.reference), "reference_from": compared.reference_from,
         "ideal": dict(compared.ideal), "ideal_from": compared.ideal_from,
-        "runs": [{("igd_plus" if k == "IGD+" else str(k)): v for k, v in run.items()} for run in runs],
+        "runs": [{("igd_plus" if k == "IGD+" else k): v for k, v in run.items()} for run in runs],
         "coverage": shares,
     }  # fmt: skip
     corners = "; ".join(

@@ -63,9 +63,9 @@ def degrees(function: casadi.Function, inputs: Sequence[Sequence[int]]) -> tuple
 
 def _of(operation: int, operands: list[Degree], exponent: float | None) -> Degree:
     """The degree of an operation's result; ``exponent`` is the second operand's value, where that is a constant."""
-    if None in operands:
-        return None
     first, last = operands[0], operands[-1]
+    if first is None or last is None:  # there are two at most
+        return None
     if operation in _ALIKE:
         return first
     if operation in _SUMS:

@@ -53,7 +53,7 @@ def _pair(axes: Axes, compared: FrontComparison, first: int, second: int) -> Non
     colours = matplotlib.colormaps["tab10"].colors  # type: ignore[attr-defined]
     for i, (name, points) in enumerate(compared.points.items()):
         later = min(len(compared.points) - 1 - i, MOST_SIZES)  # drawn over it: it shows around them
-        volume, count = compared.table.loc[name, "hypervolume"], len(points)
+        volume, count = float(compared.table["hypervolume"][name]), len(points)
         axes.scatter(
             points[:, first],
             points[:, second],

@@ -116,7 +116,7 @@ def differences(old: Any, new: Any, place: str = "") -> list[str]:
         names = [*old, *(name for name in new if name not in old)]
         inner = [(f"{place}.{name}".lstrip("."), old.get(name), new.get(name)) for name in names]
         return [words for name, one, other in inner for words in differences(one, other, name)]
-    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new) and isinstance((*old, 0)[0], Mapping):
         inner = [(f"{place}[{i}]", *pair) for i, pair in enumerate(zip(old, new, strict=True))]
         return [words for name, one, other in inner for words in differences(one, other, name)]
     return [] if old == new else [f"{place} was {cut(str(old), 60)} and is {cut(str(new), 60)}"]

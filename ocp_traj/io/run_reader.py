@@ -28,7 +28,7 @@ from ocp_traj.results.front import Front
 from ocp_traj.results.front_table import read_front_csv
 from ocp_traj.results.pareto_set import ParetoSet, proved_front
 from ocp_traj.results.provenance import AGREE
-from ocp_traj.results.records import FRONT, POPULATION, SOLVE, Record, usable
+from ocp_traj.results.records import FRONT, POINTS, POPULATION, SOLVE, Record, usable
 from ocp_traj.results.trajectory import Trajectory, case_fields
 from ocp_traj.transcription.symbolic import evaluate_objectives
 
@@ -158,12 +158,12 @@ def _of_journal(empty: Front, keep_unproved: bool, run: Mapping[str, Any], path:
 
 
 def _so_far(empty: Front, keep_unproved: bool, path: Path, found: Sequence[Record]) -> Front:
-    """The front of all solves, and of the last population, of each alternative."""
+    """The front of all solves and points, and of the last population, of each alternative."""
     parts = empty.problem.alternatives or {"": empty.problem}
     fronts: dict[str, Front] = {}
     for name, part in parts.items():
         mine = [record for record in found if record.get("alternative", "") == name]
-        solves = [record for record in mine if record["kind"] == SOLVE and usable(record)]
+        solves = [record for record in mine if record["kind"] in (SOLVE, POINTS) and usable(record)]
         population = [record for record in mine if record["kind"] == POPULATION][-1:]
         xs = [x for record in (*solves, *population) for x in _points(part, record, path)]
         if xs:

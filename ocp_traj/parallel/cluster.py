@@ -37,7 +37,7 @@ class Cluster(Workers):
         except ImportError as error:
             raise InputError("a cluster needs the extra cluster: pip install 'ocp-traj[cluster]'") from error
         try:
-            self._client: Any = Client(address, timeout=TIMEOUT, set_as_default=False)
+            self._client: Any = Client(address, timeout=TIMEOUT, set_as_default=False)  # type: ignore[no-untyped-call]
         except (OSError, ValueError, TypeError) as error:
             raise InputError(
                 f"there is no Dask scheduler at {quoted(address)}: {cut(str(error))}; give its address, such as "

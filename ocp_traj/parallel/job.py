@@ -12,7 +12,6 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import Any
 
-import casadi
 import numpy as np
 
 from ocp_traj.formulation.problem import Problem
@@ -25,6 +24,7 @@ from ocp_traj.version import __version__
 Answer = Mapping[str, Any]
 """What a job comes to, plain JSON values: a record."""
 
+PACKAGES = "casadi", "numpy", "pin", "scipy"  # whose versions an answer depends on
 _UNSTABLE = ("seconds", "elapsed")  # of a record: not the same when it is found again
 
 
@@ -49,7 +49,7 @@ class Job:
         """SHA-256 of all that the answer depends on; empty where nobody else can know that."""
         if not known(self.problem.id):
             return ""
-        versions = [__version__, casadi.__version__, np.__version__, version("pin")]
+        versions = [__version__, *map(version, PACKAGES)]
         try:
             said = [versions, self.function, canonical(Recipe.of(self.problem)), canonical(self.arguments)]
         except Unnamed:

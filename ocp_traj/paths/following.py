@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
 from ocp_traj.arrays import Array
@@ -58,10 +59,13 @@ class Followed:
     branch: str = ""
 
     def at(self, places: Array, ik: InverseKinematics, path: ToolPath) -> Array:
-        """Postures ``(M, n)`` at lengths of path ``(M,)`` [m], each from the nearest one known."""
+        """Postures ``(M, n)`` at lengths of path ``(M,)`` [m], each from those known, which are joined smoothly.
+
+        What an arm with a joint to spare does besides is what it does on the way from one known posture to the next:
+        reached from the nearest one alone it would jump midway between two.
+        """
         rows = []
-        for s in places:
-            near = self.q[int(np.argmin(np.abs(self.s - s)))]
+        for s, near in zip(places, CubicSpline(self.s, self.q)(places), strict=True):
             reached = ik.reach(path.at(float(s)), near)
             if not reached.found:
                 raise Unreachable.on(path, float(s), _reason(ik, path, float(s), near))

@@ -13,13 +13,14 @@ from numpy.typing import ArrayLike
 
 from ocp_traj.files import plain
 from ocp_traj.formulation.scalarise import Scalarisation
-from ocp_traj.proof.verdicts import PROVED
+from ocp_traj.proof.verdicts import PROVED, Audit
 from ocp_traj.results.front import Front
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.solution_records import of_solution
 from ocp_traj.transcription.nlp import Status
 
-SOLVE, START, OPENING, POPULATION, FRONT = "solve", "start", "opening", "population", "front"
+SOLVE, START, OPENING, POINTS = "solve", "start", "opening", "points"
+POPULATION, FRONT = "population", "front"
 KEY = "key"  # of a record: the key of the job that it answers
 
 Record = Mapping[str, Any]
@@ -64,6 +65,12 @@ def of_start(scalarisation: Scalarisation, solution: Solution, first: Any = None
 def of_opening(first: Any) -> Record:
     """A random start that was not followed beyond its first NLP."""
     return {"kind": OPENING, "points": [], "first": first}
+
+
+def of_points(points: Iterable[tuple[ArrayLike, Mapping[str, float], Audit]]) -> Record:
+    """Points that no solve has found, such as dilations of others: variables ``(n,)``, objectives, and audit."""
+    found = [{"x": x, "objectives": objectives, "verdict": audit.verdict} for x, objectives, audit in points]
+    return _record(POINTS, found)
 
 
 def of_population(xs: Iterable[ArrayLike]) -> Record:

@@ -11,6 +11,7 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
@@ -67,6 +68,7 @@ def of_solution(solution: Solution) -> Plain:
         "instants": [_instant(instant) for instant in solution.instants],
         "audit": None if solution.audit is None else _audit(solution.audit),
         "instead_of": None if solution.instead_of is None else of_solution(solution.instead_of),
+        "history": None if solution.history is None else _table(solution.history),
     }
     return dict(exact(found))
 
@@ -78,9 +80,9 @@ def solution_of(found: Mapping[str, Any], problem: Problem, trajectory: bool = T
     assert x is not None
     audit = None if found["audit"] is None else _audit_of(found["audit"])
     instead = found["instead_of"]
+    scalars: Plain = {name: float(found[name]) for name in _FLOATS} | {name: found[name] for name in _PLAIN}
     return Solution(
-        **{name: float(found[name]) for name in _FLOATS},
-        **{name: found[name] for name in _PLAIN},
+        **scalars,
         status=Status[found["status"]],
         x=x,
         objectives={name: float(value) for name, value in found["objectives"].items()},
@@ -89,19 +91,18 @@ def solution_of(found: Mapping[str, Any], problem: Problem, trajectory: bool = T
         bound_multipliers=_vector(found["bound_multipliers"]),
         multipliers=_mapping(found["multipliers"], table),
         slacks=_mapping(found["slacks"], table),
-        conflicts=tuple(
-            Conflict(Row(*row), *map(float, numbers), words=words) for row, *numbers, words in found["conflicts"]
-        ),
+        conflicts=tuple(_conflict(*values) for values in found["conflicts"]),
         instants=tuple(instant_of(entry) for entry in found["instants"]),
         trajectory=trajectory_of(problem, x) if trajectory and audit is not None else None,
         audit=audit,
         instead_of=None if instead is None else solution_of(instead, problem, trajectory=False),
+        history=None if found.get("history") is None else _table_of(found["history"]),
     )
 
 
 def instant_of(entry: Mapping[str, Any]) -> Instant:
     """An instant from its plain values."""
-    more = {name: _vector(entry[name]) for name in _VECTORS if name in entry}
+    more: Plain = {name: _vector(entry[name]) for name in _VECTORS if name in entry}
     if "rows" in entry:
         more["rows"] = tuple(entry["rows"])
     if "columns" in entry:
@@ -111,6 +112,10 @@ def instant_of(entry: Mapping[str, Any]) -> Instant:
 
 def _instant(instant: Instant) -> Plain:
     return {name: value for name, value in vars(instant).items() if value is not None}
+
+
+def _conflict(row: Sequence[Any], value: Any, bound: Any, excess: Any, words: str) -> Conflict:
+    return Conflict(Row(*row), float(value), float(bound), float(excess), words)
 
 
 def _values(value: Any, names: Sequence[str]) -> list[Any]:
@@ -128,6 +133,19 @@ def _mapping(column: Sequence[Any], table: Sequence[Row]) -> dict[Row, float]:
 
 def _vector(values: Sequence[Any] | None) -> Array | None:
     return None if values is None else np.array([float(value) for value in values])
+
+
+def _table(table: pd.DataFrame) -> Plain:
+    columns = {str(name): table[name].tolist() for name in table}
+    return {"index": table.index.tolist(), "name": table.index.name, "columns": columns}
+
+
+def _table_of(found: Mapping[str, Any]) -> pd.DataFrame:
+    columns = {
+        name: [float(value) if isinstance(value, str) else value for value in values]
+        for name, values in found["columns"].items()
+    }
+    return pd.DataFrame(columns, index=pd.Index(found["index"], name=found["name"]))
 
 
 def _audit(audit: Audit) -> Plain:

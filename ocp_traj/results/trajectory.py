@@ -27,7 +27,7 @@ from ocp_traj.proof.verdicts import Audit
 from ocp_traj.results.provenance import audit_motions, bound_rows
 from ocp_traj.transcription.symbolic import motion_of
 
-REMEMBERED = 256  # audits a problem keeps: our choice, more than the points of a front
+REMEMBERED = 2048  # audits a problem keeps: our choice, more than the points of a front
 
 
 @dataclass(frozen=True, eq=False, repr=False)
