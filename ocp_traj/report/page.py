@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import html
 import json
 from collections.abc import Mapping, Sequence
@@ -56,7 +58,7 @@ def page(data: Mapping[str, Any]) -> str:
         "title": html.escape(str(data["title"])),
         "style": _static("page.css"),
         "data": json.dumps(plain(data), separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"),
-        "plotly": _script_text(plotly_js()),
+        "plotly": base64.b64encode(gzip.compress(plotly_js().encode(), mtime=0)).decode("ascii"),
         "scripts": "\n".join(f"<script>\n{_script_text(_static(name))}</script>" for name in SCRIPTS),
     }
     text = _static("page.html")

@@ -15,7 +15,7 @@ from ocp_traj.formulation.requirements import ORDERS, SWEEP, PathConstraint, Req
 from ocp_traj.proof.values import farthest, values_at
 from ocp_traj.robot.pair_distances import PairDistances
 
-INSTANTS, CLEARANCES = 200, 100  # of a trajectory, at least: our choice
+INSTANTS, CLEARANCES = 400, 100  # of a trajectory, at least: our choice
 
 
 def local_times(segments: int, instants: int) -> Array:

@@ -70,12 +70,18 @@ ocp.axis = (more) => ({
 ocp.config = { displaylogo: false, responsive: true, displayModeBar: false, showLink: false, showSendToCloud: false, topojsonURL: "", plotlyServerURL: "" };
 
 // plotly.js, which takes a second to read: run once the page is there and can be used.
-ocp.plotly = () => (ocp.plotlyRead ||= new Promise((done) => setTimeout(() => {
+ocp.plotly = () => (ocp.plotlyRead ||= (async () => {
+  await new Promise((done) => setTimeout(done, 50));
+  if (!("DecompressionStream" in window)) {
+    document.getElementById("curves-note").textContent = "The plots need a browser of 2023 or later; all else is here.";
+    throw new Error("this browser has no DecompressionStream");
+  }
+  const packed = Uint8Array.from(atob(document.getElementById("plotly").textContent), (c) => c.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
   const script = document.createElement("script");
-  script.textContent = document.getElementById("plotly").textContent;
+  script.textContent = await new Response(stream).text();
   document.head.append(script);
-  done();
-}, 50)));
+})());
 
 ocp.get = (id) => document.getElementById(id);
 

@@ -174,7 +174,7 @@ ocp.parts.front = (() => {
       const words = (i, worst, y) => ({ x: i, y, text: end(i, worst), showarrow: false, yanchor: worst ? "bottom" : "top", yshift: worst ? 6 : -6, bgcolor: ocp.shade("card"), font: { size: 11, color: ocp.shade("soft") } });
       return { traces, layout: ocp.layout({
         margin: { l: 10, r: 10, t: 8, b: 10 }, hovermode: "closest",
-        xaxis: ocp.axis({ tickvals: this.names.map((_, k) => k), ticktext: this.objectives.map((o) => `${ocp.quantity(o.id, o.unit)}<br>${o.sense === "max" ? "more is better" : "less is better"}`), range: [-0.35, this.names.length - 0.65], gridcolor: ocp.shade("soft"), fixedrange: true }),
+        xaxis: ocp.axis({ tickvals: this.names.map((_, k) => k), tickangle: 0, tickfont: { size: 11 }, ticktext: this.objectives.map((o) => `${o.id}<br>${o.unit === "-" ? "" : `[${ocp.unit(o.unit)}]`}<br>${o.sense === "max" ? "more is better" : "less is better"}`), range: [-0.35, this.names.length - 0.65], gridcolor: ocp.shade("soft"), fixedrange: true }),
         yaxis: { visible: false, range: [-0.12, 1.12], fixedrange: true },
         annotations: this.names.flatMap((_, i) => [words(i, true, 1), words(i, false, 0)]),
       }) };

@@ -55,7 +55,7 @@ ocp.parts.main = (() => {
     return [
       linked ? "Links have the shape of their collision bodies." : "Links are lines from joint to joint: the problem gives them no shape.",
       "○ turns, □ slides. Orange: path of the tool; ◇ points it has to pass" + (set.points.length > 1 ? "; grey: the other points' paths" : "") + ".",
-      still ? "Purple: what stands around it." : "",
+      still ? "Purple: what stands still." : "",
       set.robot.paths.length ? `Green: ${set.robot.paths.map((path) => path.name).join(", ")}.` : "",
     ].filter(Boolean).join(" ");
   };
