@@ -27,22 +27,22 @@ from ocp_traj.results.solution import Solution
 from ocp_traj.results.time_scaling import ROOM, TimeScaling
 from ocp_traj.results.trajectory import Trajectory, audit_points
 from ocp_traj.stopping import STOPS, current
-from ocp_traj.transcription.instants import Instant, uniform_instants
+from ocp_traj.transcription.instants import Instant, few_instants, uniform_instants
 from ocp_traj.transcription.nlp import Status
 from ocp_traj.transcription.symbolic import evaluate_objectives
 from ocp_traj.transcription.transcription import transcribe
-from ocp_traj.transcription.worst_instants import lowest_instants
+from ocp_traj.transcription.worst_instants import broken_instants, lowest_instants
 
 Proved = tuple[Array, Trajectory, Audit]
 
 TIME = "time"  # the objective
 FIRST, WIDEST, NARROWEST = 0.1, 0.3, 1e-3  # radius of the trust region: of durations relative; our choice
 DERIVATIVES = 4.0  # to the power k, times the radius: of the k-th derivative at a knot, in its unit; our choice
-INSTANTS = 7  # a segment, of limits on derivatives; what peaks are higher between is made up for by slowing down
+INSTANTS = 11  # a segment, of limits on derivatives; what peaks are higher between is made up for by slowing down
 CORRECTIONS = 3  # linear programs with the same slopes: our choice
 CORRECTED = 1e-3  # largest excess of a scaled row that is not corrected further: our choice
 LESSONS = 3  # how often, in one step
-SHRINK = 3.0  # of the radius, where a step does not gain, or runs into something
+SHRINK = 2.0  # of the radius, where a step does not gain, or runs into something
 REACH, FARTHEST = (
     15.0,
     0.6,
@@ -76,7 +76,10 @@ class FeasibleDescent:
 
     def __post_init__(self) -> None:
         """Compiles what all steps share."""
-        self.fixed = uniform_instants(self.problem, INSTANTS)
+        hull = self.problem.tuning.hull_rows
+        orders = {limit.id: limit.order for limit in self.problem.requirements.path_constraints}
+        grid = [i for i in uniform_instants(self.problem, INSTANTS) if orders[i.limit] or i.limit not in hull]
+        self.fixed = [*grid, *(i for i in few_instants(self.problem) if i.control is not None and not orders[i.limit])]
         self.scaling = TimeScaling(self.problem)
         blocks = [(v.id, len(v.labels)) for v in self.problem.variables]
         self.durations = np.concatenate([np.full(n, name == "T") for name, n in blocks])
@@ -143,7 +146,7 @@ class FeasibleDescent:
         learnt = 0
         while radius >= NARROWEST:
             y, predicted = model.lowest(radius)
-            missed = [] if y is None else lowest_instants(self.problem, y, 0.0)
+            missed = [] if y is None else broken_instants(self.problem, y)
             gain = -np.inf if y is None else value - self._value(y)
             if gain > 0.0 and not missed:
                 share = gain / max(predicted, 1e-300)
@@ -168,9 +171,11 @@ class _Model:
         places = np.array(sparsity.row()), np.array(sparsity.colind())
         self.slopes = csc_matrix((program.jacobian(x), *places), (program.rows, program.size))
         self.gradient = program.gradient(x)
-        known = [limit.id for limit in problem.chosen_limits]
-        margin = np.where(np.isin([row.limit for row in nlp.rows], known), MARGIN, 0.0)
-        self.lower, self.upper = np.minimum(nlp.lower_g + margin, self.g), np.maximum(nlp.upper_g, self.g)
+        known = [limit.id for limit in problem.path_limits if not limit.order]
+        self.still = np.isin([row.limit for row in nlp.rows], known)  # what slowing down does not mend
+        margin = np.where(self.still, MARGIN, 0.0)
+        self.lower = np.minimum(nlp.lower_g + margin, self.g)
+        self.upper = np.maximum(nlp.upper_g - margin, self.g)
         free = nlp.upper_x > nlp.lower_x
         self.sizes = np.where(free, np.where(descent.durations, x, descent.sizes), 0.0)
 
