@@ -51,6 +51,7 @@ MARGIN = 5e-3  # of the size of a limit on distances, by which its rows are kept
 ENOUGH = 5e-3  # relative gain of the last PATIENCE steps below which it ends: our choice
 PATIENCE = 3
 STEPS = 100  # at most
+AGAIN = 2  # how often it tries the first radius once more where no step is left: our choice
 AUDITED = 8  # steps from one proof to the next: our choice
 
 
@@ -96,11 +97,14 @@ class FeasibleDescent:
         # Steps are within limits on derivatives and distances; of others there is a proof after each.
         every = AUDITED if all(limit.order is not None for limit in problem.requirements.path_constraints) else 1
         radius, steps, words, interrupted, first = FIRST, 0, "", "", self._value(x)
-        taken, values = [x], [first]
+        taken, values, again = [x], [first], AGAIN
         try:
             while steps < STEPS:
                 current().check()
                 found, radius = self._step(taken[-1], values[-1], radius)
+                if found is None and again:  # peaks between instants stop the shortest steps first
+                    radius, again = FIRST, again - 1
+                    continue
                 if found is None:
                     words = "; no step was left that gains"
                     break
