@@ -19,6 +19,7 @@ from scipy.sparse import csc_matrix, vstack
 
 from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.requirements import ORDERS
 from ocp_traj.formulation.scalarise import Scalarisation, WeightedSum
 from ocp_traj.progress import Progress, silent
 from ocp_traj.proof.verdicts import Audit
@@ -26,19 +27,22 @@ from ocp_traj.results.solution import Solution
 from ocp_traj.results.time_scaling import ROOM, TimeScaling
 from ocp_traj.results.trajectory import Trajectory, audit_points
 from ocp_traj.stopping import STOPS, current
-from ocp_traj.transcription.instants import Instant, few_instants
+from ocp_traj.transcription.instants import Instant, few_instants, uniform_instants
 from ocp_traj.transcription.nlp import Status
 from ocp_traj.transcription.symbolic import evaluate_objectives
 from ocp_traj.transcription.transcription import transcribe
-from ocp_traj.transcription.worst_instants import lowest_instants
+from ocp_traj.transcription.worst_instants import broken_instants, lowest_instants
+
+Proved = tuple[Array, Trajectory, Audit]
 
 TIME = "time"  # the objective
 FIRST, WIDEST, NARROWEST = 0.1, 0.3, 1e-3  # radius of the trust region: of durations relative; our choice
-DERIVATIVES = 3.0  # times the radius, for derivatives at knots in their units: our choice
+DERIVATIVES = 4.0  # to the power k, times the radius: of the k-th derivative at a knot, in its unit; our choice
+INSTANTS = 11  # a segment, of limits on derivatives; what peaks are higher between is made up for by slowing down
 CORRECTIONS = 3  # linear programs with the same slopes: our choice
 CORRECTED = 1e-3  # largest excess of a scaled row that is not corrected further: our choice
 LESSONS = 3  # how often, in one step
-SHRINK = 3.0  # of the radius, where a step does not gain, or runs into something
+SHRINK = 2.0  # of the radius, where a step does not gain, or runs into something
 REACH, FARTHEST = (
     15.0,
     0.6,
@@ -47,6 +51,7 @@ MARGIN = 5e-3  # of the size of a limit on distances, by which its rows are kept
 ENOUGH = 5e-3  # relative gain of the last PATIENCE steps below which it ends: our choice
 PATIENCE = 3
 STEPS = 100  # at most
+AGAIN = 2  # how often it tries the first radius once more where no step is left: our choice
 AUDITED = 8  # steps from one proof to the next: our choice
 
 
@@ -72,11 +77,15 @@ class FeasibleDescent:
 
     def __post_init__(self) -> None:
         """Compiles what all steps share."""
-        self.fixed = few_instants(self.problem)
+        hull = self.problem.tuning.hull_rows
+        orders = {limit.id: limit.order for limit in self.problem.requirements.path_constraints}
+        grid = [i for i in uniform_instants(self.problem, INSTANTS) if orders[i.limit] or i.limit not in hull]
+        self.fixed = [*grid, *(i for i in few_instants(self.problem) if i.control is not None and not orders[i.limit])]
         self.scaling = TimeScaling(self.problem)
         blocks = [(v.id, len(v.labels)) for v in self.problem.variables]
         self.durations = np.concatenate([np.full(n, name == "T") for name, n in blocks])
-        self.positions = np.concatenate([np.full(n, name.split()[0] == "q") for name, n in blocks])
+        orders = {name: order for order, name in enumerate(ORDERS)}
+        self.sizes = np.concatenate([np.full(n, DERIVATIVES ** orders.get(name.split()[0], 1)) for name, n in blocks])
 
     def solve(self, x0: Array) -> Solution | None:
         """The best point found, proved; None where the start is not."""
@@ -88,11 +97,14 @@ class FeasibleDescent:
         # Steps are within limits on derivatives and distances; of others there is a proof after each.
         every = AUDITED if all(limit.order is not None for limit in problem.requirements.path_constraints) else 1
         radius, steps, words, interrupted, first = FIRST, 0, "", "", self._value(x)
-        taken, values = [x], [first]
+        taken, values, again = [x], [first], AGAIN
         try:
             while steps < STEPS:
                 current().check()
                 found, radius = self._step(taken[-1], values[-1], radius)
+                if found is None and again:  # peaks between instants stop the shortest steps first
+                    radius, again = FIRST, again - 1
+                    continue
                 if found is None:
                     words = "; no step was left that gains"
                     break
@@ -120,7 +132,7 @@ class FeasibleDescent:
             detail=f"{steps} feasible steps from a proved start of {first:.6g}{words}",
         )  # fmt: skip
 
-    def _proved(self, points: Sequence[Array]) -> tuple[Array, Trajectory, Audit] | None:
+    def _proved(self, points: Sequence[Array]) -> Proved | None:
         """The last of some points that is proved, with its trajectory and audit; None where none is."""
         for x in reversed(points):
             ((trajectory, audit),) = audit_points(self.problem, [x])
@@ -138,7 +150,7 @@ class FeasibleDescent:
         learnt = 0
         while radius >= NARROWEST:
             y, predicted = model.lowest(radius)
-            missed = [] if y is None else lowest_instants(self.problem, y, 0.0)
+            missed = [] if y is None else broken_instants(self.problem, y)
             gain = -np.inf if y is None else value - self._value(y)
             if gain > 0.0 and not missed:
                 share = gain / max(predicted, 1e-300)
@@ -163,11 +175,13 @@ class _Model:
         places = np.array(sparsity.row()), np.array(sparsity.colind())
         self.slopes = csc_matrix((program.jacobian(x), *places), (program.rows, program.size))
         self.gradient = program.gradient(x)
-        known = [limit.id for limit in problem.chosen_limits]
-        margin = np.where(np.isin([row.limit for row in nlp.rows], known), MARGIN, 0.0)
-        self.lower, self.upper = np.minimum(nlp.lower_g + margin, self.g), np.maximum(nlp.upper_g, self.g)
+        known = [limit.id for limit in problem.path_limits if not limit.order]
+        self.still = np.isin([row.limit for row in nlp.rows], known)  # what slowing down does not mend
+        margin = np.where(self.still, MARGIN, 0.0)
+        self.lower = np.minimum(nlp.lower_g + margin, self.g)
+        self.upper = np.maximum(nlp.upper_g - margin, self.g)
         free = nlp.upper_x > nlp.lower_x
-        self.sizes = np.where(free, np.where(descent.durations, x, np.where(descent.positions, 1.0, DERIVATIVES)), 0.0)
+        self.sizes = np.where(free, np.where(descent.durations, x, descent.sizes), 0.0)
 
     def lowest(self, radius: float) -> tuple[Array | None, float]:
         """Where the corrected linear programs lead, slowed down until derivatives keep their limits; and their gain."""
@@ -188,10 +202,10 @@ class _Model:
             offset = g - self.g - self.slopes @ step
             if max(float((g - self.upper).max()), float((self.lower - g).max())) <= CORRECTED:
                 break
-        y = x + step
+        y, gain = x + step, -float(self.gradient @ step)
         slower = float(self.scaling.factors(y[None])[0])
-        if self.problem.dilate is None or not np.isfinite(slower):
-            return None, 0.0
+        if self.problem.dilate is None or not 0.0 < slower < np.inf:
+            return None, gain
         y = np.where(self.sizes > 0.0, self.problem.dilate(y, slower * (1.0 + ROOM)), nlp.lower_x)
         inside = ((y >= self.problem.lower) & (y <= self.problem.upper)).all()
-        return (y if inside else None), -float(self.gradient @ step)
+        return (y if inside else None), gain

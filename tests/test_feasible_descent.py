@@ -12,6 +12,7 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.problems import load
 from ocp_traj.results.trajectory import audit_points
+from ocp_traj.solvers import feasible_descent
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.feasible_descent import FeasibleDescent, descends
 
@@ -66,7 +67,10 @@ def test_a_polyline_with_stops_is_straight_at_rest_at_corners_and_as_quick_as_it
     assert with_stops(points, reach, rows, 2) is None
 
 
-def test_a_planned_start_is_proved_and_a_descent_leads_to_a_better_one_that_is(problem: Problem) -> None:
+def test_a_planned_start_is_proved_and_a_descent_leads_to_a_better_one_that_is(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(feasible_descent, "STEPS", 9)
     x = problem.guess(np.random.default_rng([0, 0]))
     ((first, audit),) = audit_points(problem, [x])
     assert audit.proved, audit.explain()

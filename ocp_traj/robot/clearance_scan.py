@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ocp_traj.arrays import Array, Index
+from ocp_traj.mapped import Mapped
 from ocp_traj.robot.bodies import CYLINDER, Body
 from ocp_traj.robot.placements import placements_function
 from ocp_traj.robot.robot import Robot
@@ -48,7 +48,7 @@ class ClearanceScan:
         moving = {id(b): b for pair in pairs for b in pair if b.joint}
         fixed = {id(b): b for pair in pairs for b in pair if not b.joint}
         self._joints = sorted({b.joint for b in moving.values()})
-        self._frames: Any = placements_function(robot, self._joints)
+        self._frames = Mapped(placements_function(robot, self._joints))
         balls = {key: _balls(body) for key, body in moving.items()}
         self._size = robot.size
         wanted: dict[tuple[int, int], list[tuple[int, float]]] = {}  # (joint, fixed body) -> bodies there
@@ -93,7 +93,7 @@ class ClearanceScan:
         size = next(size for size in SIZES if len(q) <= size)
         padded = np.zeros((size, self._size))
         padded[: len(q)] = q
-        found = np.array(self._frames.map(size)(padded.T)).T[: len(q)].reshape(len(q), -1, 12)
+        found = self._frames(padded)[0][: len(q)].reshape(len(q), -1, 12).copy()  # overwritten by the next call
         turned = found[:, :, :9].reshape(len(q), -1, 3, 3)
         return {joint: (turned[:, k], found[:, k, 9:]) for k, joint in enumerate(self._joints)}
 

@@ -26,7 +26,7 @@ from ocp_traj.transcription.shape import ShapeAt, shape_of
 SCAN = 48  # samples a segment when looking for peaks: our choice, far denser than the degrees in use have peaks
 SCAN_CHOSEN = 17  # of limits whose constants are chosen, whose curves have many segments: our choice
 FIRST_CHOSEN = 7  # instants a segment of such limits in the first grid, its end left out: our choice
-SCAN_LOWEST, EVERY = 33, 4  # samples a segment of the lowest rows, and which of these are taken in any case: our choice
+SCAN_LOWEST, EVERY = 33, 2  # samples a segment of the lowest rows, and which of these are taken in any case: our choice
 NEARBY = 1.0  # of its size: a row of such a limit that is farther above its bound is not looked at; our choice
 FINE = 33  # samples about a sample that stands out, from one neighbour to the other: our choice
 NEWTON, NEWTON_SWEPT = 4, 8  # steps: our choice
@@ -263,6 +263,15 @@ def near_instants(problem: Problem, x: Array) -> list[Instant]:
         for k, row, i in np.argwhere(np.isfinite(above)).tolist():
             rows.setdefault((k, i), []).append(row)
         found += [Instant(limit.id, int(segments[k]), float(u[i]), tuple(own)) for (k, i), own in rows.items()]
+    return found
+
+
+def broken_instants(problem: Problem, x: Array) -> list[Instant]:
+    """Peaks of what limits whose constants are chosen are broken by at ``x (n,)``, as instants that stay."""
+    shape, found = shape_of(problem).at(x), []
+    for limit in problem.chosen_limits:
+        members, excess = _ChosenPeaks(problem, limit, shape, 0.0, 0.0).sharpened()
+        found += [replace(m, slope=None, anchor=None, columns=None) for m in members if excess > 0.0]
     return found
 
 
