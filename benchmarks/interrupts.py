@@ -35,8 +35,9 @@ OPTIONS = {  # so that a command takes some 5 to 10 s
     "nsga2": ["--option", "generations=80"],
     "mopso": ["--option", "generations=50"],
     "hmoga": ["--points", "5", "--option", "generations=25", "--option", "population=60"],
+    "memetic": ["--points", "5", "--option", "generations=25", "--option", "population=60"],
 }
-SOLVE, PARETO = ("exchange", "pso", "ga"), ("trace", "nsga2", "mopso", "hmoga")
+SOLVE, PARETO = ("exchange", "pso", "ga"), ("trace", "nsga2", "mopso", "hmoga", "memetic")
 PROBLEMS = {"hybrid-spline": ("time", "time,energy"), "wrist-obstacle": ("time", "time,distance")}
 TITLE = (
     f"{'problem':<15} {'command':<7} {'method':<9} {'whole [s]':>9} {'130':>4} {'0':>4} {'kept':>5} "

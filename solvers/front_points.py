@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ocp_traj.arrays import Array
+from ocp_traj.arrays import Array, Flags
 from ocp_traj.evolution.population import Population
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent
@@ -64,13 +64,13 @@ class FrontPoints:
         return dict(zip(self.names, (self.values.min(axis=0) * self.signs).tolist(), strict=True))
 
     @property
-    def flat(self) -> Array:
+    def flat(self) -> Flags:
         """In which objectives all points are one ``(m,)``."""
         return np.asarray(np.ptp(self.values, axis=0) <= FLAT * np.abs(self.values).max(axis=0))
 
     def value(self, solution: Solution) -> Array:
         """The values ``(m,)`` of a solution's objectives."""
-        return np.array([solution.objectives[name] for name in self.names]) * self.signs
+        return np.asarray(np.array([solution.objectives[name] for name in self.names]) * self.signs)
 
     def evaluated(self, x: Array, like: Solution) -> Solution | None:
         """A decision vector as a solution, if it is proved and new."""

@@ -38,9 +38,12 @@ if TYPE_CHECKING:
 class FrontTracer:
     """Traces a front of ``points`` points.
 
-    Attributes:
-        points: how many, at most; of three or more objectives as many solves at most, and the best of what is found.
+    Of two objectives each point is a solve that halves the widest gap of the curve. Of more, as many solves that give a
+    point aim where the surface has most to gain, the dilations of what they find that add to it are proved as well, and
+    of all these the points stay that dominate most together.
 
+    Attributes:
+        points: how many, at most.
         solver: of each point.
         starts: random starts at each end of the front, where nothing is known yet.
         seed: of those starts.

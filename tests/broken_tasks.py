@@ -228,6 +228,8 @@ BROKEN: dict[str, list[tuple[str, str]]] = {
         ("&\n[export]\nrate = 100.0", "x.toml:31: [export] format is missing"),
         ('&\n[export]\nformat = "ros"\nrates = 100.0', "x.toml:33: [export] rates: ros has no option 'rates'"),
         ('&\n[export]\nformat = "ros"\nrate = -5.0', "x.toml:33: [export] rate: rate is -5.0 Hz"),
+        ('&\n[export]\nformat = "ros"\nat = "vias"', "x.toml:33: [export] at: points are at 'vias'; give knots"),
+        ('&\n[export]\nformat = "ros"\njoints = 3', "x.toml:33: [export] joints: joints is 3; give other names"),
         ('&\nexport = "ros"', "x.toml:31: [objective] export is not allowed"),
     ],
     'description = "ur5"\ntool_frame = "tool0"': [

@@ -1,4 +1,5 @@
 import json
+import tomllib
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from pytest import approx
 from ocp_traj import problems
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.errors import FileFormatError, InputError
-from ocp_traj.io.export import export, tables
+from ocp_traj.io.export import check_table, export, tables
 from ocp_traj.io.run_reader import load_run
 from ocp_traj.io.store import Run, request, save_run
 from ocp_traj.results.front import Front
@@ -228,3 +229,9 @@ def test_a_source_that_is_neither_front_nor_trajectory_is_refused(
 def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match="cannot read the run file .*run.json"):
         export(tmp_path, "csv", tmp_path / "out.csv")
+
+
+@pytest.mark.parametrize("path", sorted(Path("examples/tasks").glob("*.toml")), ids=lambda path: path.stem)
+def test_what_the_examples_ask_for_can_be_exported(path: Path) -> None:
+    table = tomllib.loads(path.read_text()).get("export", {"format": "csv"})
+    check_table(table)

@@ -63,6 +63,16 @@ def test_a_failed_solve_is_recorded_and_is_no_point_of_the_front(tmp_path: Path)
         assert len(load_run(tmp_path / "run", slow)) == 0
 
 
+def test_a_run_that_was_stopped_has_its_points_by_time_scaling(tmp_path: Path) -> None:
+    problem, names = stairs_problem(), ["time", "first", "second"]
+    with Run(tmp_path / "run", request(problem, names, "trace")) as run:
+        found = FrontTracer(points=4, starts=1, found=run.found).pareto(problem, names)
+    stopped = load_run(tmp_path / "run", problem)  # of the journal: no front was written
+    assert found.info["points by time scaling"] > found.info["solves"]
+    assert len(stopped) > found.info["solves"] + 0.9 * found.info["points by time scaling"]
+    assert {x.tobytes() for x in found.xs} <= {point.x.tobytes() for point in stopped.points}
+
+
 # --- of each method ---
 
 

@@ -198,7 +198,7 @@ def test_a_run_that_finds_nothing_leaves_the_earlier_run(small: Path) -> None:
 # --- while it runs ---
 
 
-@pytest.mark.parametrize("method", ["trace", "nsga2", "mopso", "hmoga"])
+@pytest.mark.parametrize("method", ["trace", "nsga2", "mopso", "hmoga", "memetic"])
 def test_what_is_read_is_what_the_method_gave_to_the_last_bit(quintic: Problem, tmp_path: Path, method: str) -> None:
     options = {"points": 5} if method == "trace" else {"population": 16, "generations": 4}
     front = ot.pareto(quintic, ["time", "effort"], method=method, output=tmp_path / "run", **options)

@@ -125,12 +125,13 @@ def test_an_own_problem_is_refused_by_workers_in_one_line() -> None:
 # --- the same whoever works ---
 
 
-def test_what_is_begun_ahead_changes_no_bit_of_a_front() -> None:
+@pytest.mark.parametrize("objectives", [["time", "effort"], ["time", "effort", "speed"]])
+def test_what_is_begun_ahead_changes_no_bit_of_a_front(objectives: list[str]) -> None:
     told: list[list[Record]] = [[], []]
     fronts = []
     for workers, records in zip((Workers(), Ahead()), told, strict=True):
         tracer = FrontTracer(points=9, workers=workers, found=records.append)
-        fronts.append(tracer.pareto(quintic(), ["time", "effort"]))
+        fronts.append(tracer.pareto(quintic(), objectives))
     assert np.array_equal(fronts[0].xs, fronts[1].xs) and fronts[0].info == fronts[1].info
     assert [r["points"] for r in told[0]] == [r["points"] for r in told[1]]
     assert [r.get("key") for r in told[0]] == [r.get("key") for r in told[1]]
@@ -170,14 +171,15 @@ def test_runs_of_a_population_that_are_begun_ahead_change_nothing() -> None:
     assert one.history is not None and one.history.equals(ahead.history)
 
 
-def test_finished_work_is_answered_and_the_front_is_the_same() -> None:
+@pytest.mark.parametrize("objectives", [["time", "effort"], ["time", "effort", "speed"]])
+def test_finished_work_is_answered_and_the_front_is_the_same(objectives: list[str]) -> None:
     """Half of the records are lost, as where a run was killed."""
     told: list[Record] = []
-    whole = FrontTracer(points=9, found=told.append).pareto(quintic(), ["time", "effort"])
+    whole = FrontTracer(points=9, found=told.append).pareto(quintic(), objectives)
     kept = json.loads(json.dumps(told))
     for part in (kept[: len(kept) // 2], kept):
         known = Workers({record["key"]: record for record in part if record.get("key")})
-        again = FrontTracer(points=9, workers=known).pareto(quintic(), ["time", "effort"])
+        again = FrontTracer(points=9, workers=known).pareto(quintic(), objectives)
         assert np.array_equal(again.xs, whole.xs)
         assert known.answered == len(known.known)
         assert {name: again.info[name] for name in ("solves", "iterations", "failed")} == {

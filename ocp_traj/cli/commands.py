@@ -256,7 +256,7 @@ def pareto(
     workers: WorkerCount = 0,
     cluster: ClusterAddress = None,
     certify: Annotated[
-        bool, typer.Option("--certify", help="Bound what the front leaves out; refused where no bound is known.")
+        bool, typer.Option("--certify", help="Bound what the front leaves out, in a minute at most, where it can be.")
     ] = False,
     force: Annotated[bool, typer.Option(help="Replace an existing run.")] = False,
     json: AsJson = False,

@@ -76,9 +76,10 @@ def check_table(table: Mapping[str, Any]) -> None:
         chosen = format_class(kind)
     except InputError as error:
         raise InputError(f"[export] format: {error}") from error
+    words = {field.name for field in fields(chosen) if field.default is None and not field.metadata}
     for name, value in options.items():
         try:
-            configured(kind, **convert(kind, chosen, {name: value}, "option"))
+            configured(kind, **{name: value} if name in words else convert(kind, chosen, {name: value}, "option"))
         except InputError as error:
             raise InputError(f"[export] {name}: {error}") from error
 

@@ -72,12 +72,19 @@ class Timed(Checked):
     tolerance: float = number(TOLERANCE, "rad or m", above=0.0)
     joints: Mapping[str, str] | None = None
 
+    def __post_init__(self) -> None:
+        """Checks the options."""
+        super().__post_init__()
+        if self.at not in (None, KNOTS):
+            raise InputError(f"points are at {quoted(self.at)}; give {KNOTS}, or a rate")
+        names = self.joints if isinstance(self.joints, Mapping) else {None: None} if self.joints is not None else {}
+        if not all(isinstance(name, str) for pair in names.items() for name in pair):
+            raise InputError(f"joints is {quoted(self.joints)}; give other names of joints by their own")
+
     def played(
         self, trajectory: Trajectory, requirements: Requirements | None, interpolation: str = "quintic"
     ) -> Playback:
         """The points, and what is between them."""
-        if self.at not in (None, KNOTS):
-            raise InputError(f"points are at {quoted(self.at)}; give {KNOTS}, or a rate")
         if self.rate is None:
             return at_knots(trajectory, requirements, interpolation, self.tolerance)
         if self.at is not None:
