@@ -27,7 +27,7 @@ from ocp_traj.solvers.front_tracer import FrontTracer
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.multistart import Multistart
 from ocp_traj.solvers.waves import SOLVE
-from tests.closed_form import quintic_problem
+from tests.closed_form import quintic_problem, stairs_problem
 
 PAIR = ("time", "energy")
 TASK = Path(__file__).parents[1] / "examples" / "tasks" / "ur5-via.toml"
@@ -135,6 +135,12 @@ def test_what_is_begun_ahead_changes_no_bit_of_a_front(objectives: list[str]) ->
     assert np.array_equal(fronts[0].xs, fronts[1].xs) and fronts[0].info == fronts[1].info
     assert [r["points"] for r in told[0]] == [r["points"] for r in told[1]]
     assert [r.get("key") for r in told[0]] == [r.get("key") for r in told[1]]
+
+
+def test_what_is_begun_ahead_changes_no_bit_of_a_front_of_three_objectives() -> None:
+    names = ["time", "first", "second"]
+    one, ahead = (FrontTracer(points=8, workers=w).pareto(stairs_problem(), names) for w in (Workers(), Ahead()))
+    assert np.array_equal(one.xs, ahead.xs) and one.info == ahead.info
 
 
 def wavy() -> Problem:
