@@ -60,7 +60,7 @@ class Aims:
     def values(self, x: Array) -> Array:
         """Traded objectives ``(objectives,)`` of ``x (n,)``, less is better."""
         values = evaluate_objectives(self.target.population.problem, x)
-        return np.array([values[name] for name in self.target.population.names]) * self.target.signs
+        return np.asarray(np.array([values[name] for name in self.target.population.names]) * self.target.signs)
 
     def of(self, algorithm: Any) -> Iterator[Aim]:
         """What is beyond the ends, individuals and gaps in turn, as long as there are any."""

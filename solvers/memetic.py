@@ -73,7 +73,7 @@ class Memetic:
     chosen: int = count(8)
     points: int = count(20, least=0)
     local_share: float = share(0.75)
-    ends_share: float = share(0.25)
+    ends_share: float = share(0.35)
     far_share: float = share(0.2)
     crossover: float = share(0.9)
     mutation: float | None = share(None)

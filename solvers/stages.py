@@ -198,4 +198,4 @@ class Stages:
             ]
 
     def _of(self, solution: Solution) -> Array:
-        return np.array([solution.objectives[name] for name in self.names]) * self.target.signs
+        return np.asarray(np.array([solution.objectives[name] for name in self.names]) * self.target.signs)
