@@ -12,6 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.optimize import linprog
@@ -33,6 +34,7 @@ from ocp_traj.transcription.symbolic import evaluate_objectives
 from ocp_traj.transcription.transcription import transcribe
 from ocp_traj.transcription.worst_instants import broken_instants, lowest_instants
 
+solve_linear: Any = linprog  # whose stubs do not know bounds as an array
 Proved = tuple[Array, Trajectory, Audit]
 
 TIME = "time"  # the objective
@@ -84,8 +86,8 @@ class FeasibleDescent:
         self.scaling = TimeScaling(self.problem)
         blocks = [(v.id, len(v.labels)) for v in self.problem.variables]
         self.durations = np.concatenate([np.full(n, name == "T") for name, n in blocks])
-        orders = {name: order for order, name in enumerate(ORDERS)}
-        self.sizes = np.concatenate([np.full(n, DERIVATIVES ** orders.get(name.split()[0], 1)) for name, n in blocks])
+        powers = {name: DERIVATIVES**order for order, name in enumerate(ORDERS)}
+        self.sizes = np.concatenate([np.full(n, powers.get(name.split()[0], DERIVATIVES)) for name, n in blocks])
 
     def solve(self, x0: Array) -> Solution | None:
         """The best point found, proved; None where the start is not."""
@@ -188,13 +190,15 @@ class _Model:
         x, nlp, reach = self.x, self.nlp, radius * self.sizes
         low, high = (np.clip(side - x, -reach, reach) for side in (nlp.lower_x, nlp.upper_x))
         box = np.stack([np.minimum(low, 0.0), np.maximum(high, 0.0)], axis=1)
-        span = abs(self.slopes) @ reach
+        span = np.asarray(abs(self.slopes) @ reach)
         above, below = np.flatnonzero(span >= self.upper - self.g), np.flatnonzero(span >= self.g - self.lower)
         matrix = vstack([self.slopes[above], -self.slopes[below]]).tocsr()
         offset, step = np.zeros(len(self.g)), np.zeros(len(x))
         for _ in range(CORRECTIONS):
             room = np.concatenate([(self.upper - self.g - offset)[above], (self.g + offset - self.lower)[below]])
-            solved = linprog(self.gradient, matrix, room, bounds=box, method="highs-ds", options={"presolve": False})
+            solved: Any = solve_linear(
+                self.gradient, matrix, room, bounds=box, method="highs-ds", options={"presolve": False}
+            )
             if solved.x is None:
                 break
             step = solved.x

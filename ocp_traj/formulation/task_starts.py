@@ -67,8 +67,8 @@ def with_start(
             curve = made.curve(x[: sum(len(v.labels) for v in made.variables)])
             if ways.scan(0.0).least(curve(np.linspace(0.0, curve.duration, SAMPLES))).min() >= -TOUCHING:
                 return x
-        curve = stopping_start(made, ways, rng) if stops else None
-        return np.asarray(np.clip(_completed(along(rng, ways) if curve is None else curve, x), lower, upper))
+        stopping = stopping_start(made, ways, rng) if stops else None
+        return np.asarray(np.clip(_completed(along(rng, ways) if stopping is None else stopping, x), lower, upper))
 
     return replace(problem, guess=guess, tuning=replace(problem.tuning, descends=stops))
 

@@ -96,9 +96,9 @@ class Ways:
         roomy, scale = self.scan(room).clear, self._speeds
 
         def clear(q: Array) -> Array:
-            found = roomy(q)
+            found = np.array(roomy(q), dtype=bool)
             close = np.linalg.norm((q[:, None] - ends) / scale, axis=2).min(axis=1) <= CLOSE
-            if (again := np.flatnonzero(close & ~found)).size:
+            if (again := np.flatnonzero(close & np.logical_not(found))).size:
                 found[again] = plain(q[again])
             return found
 
