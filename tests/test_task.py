@@ -31,7 +31,7 @@ BROKEN = [
     ("jerk = 60.0", 'jerk = "50 %"', r"jerk is a share of the description's; no URDF holds it"),
     ("jerk = 60.0", "", r"\[limits\] jerk is missing: no description holds it"),
     ("jerk = 60.0", "jerk = [1.0, 2.0]", r"\[limits\] jerk has 2 numbers; the robot has 6 joints"),
-    ("[[move]]", "[[move]]\nblend = 0.01", r"\[\[move\]\] 1: blend is not built in this version; leave it out"),
+    ("[[move]]", "[[move]]\nblend = 0.01", r"\[\[move\]\] 1 has blend, which is of a tool path; give one of line"),
     ("[[move]]", "[move]", r"\[move\] is .* give one or more tables"),
     ('minimise = "time"', 'minimise = "tiem"', r"no objective 'tiem' \(nearest is 'time'\)"),
     ('"ur5"\ntool', '"ur55"\ntool', r"'ur55' is no robot of example-robot-data \(nearest is 'ur5'\)"),
@@ -59,11 +59,6 @@ def test_the_command_refuses_a_broken_file_with_exit_code_2(tmp_path: Path, caps
     (tmp_path / "x.toml").write_text(VIA.replace("rest = 2", "rest = 7"))
     assert run(["show", str(tmp_path / "x.toml")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
-
-
-def test_a_task_of_the_work_cell_is_refused_by_name(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="blend is not built in this version"):
-        _load(tmp_path, VIA.replace("[[move]]", "[[move]]\nblend = 0.01"))
 
 
 def test_degrees_are_radians(tmp_path: Path) -> None:
