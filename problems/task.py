@@ -21,7 +21,7 @@ from ocp_traj.formulation import standard
 from ocp_traj.formulation.about import About
 from ocp_traj.formulation.curve_variables import variables_of
 from ocp_traj.formulation.global_cubic import global_cubic
-from ocp_traj.formulation.knot_states import SOLVER_OPTIONS, knot_states
+from ocp_traj.formulation.knot_states import knot_states
 from ocp_traj.formulation.knots import NEAR
 from ocp_traj.formulation.levels import levels_of, usual_levels
 from ocp_traj.formulation.move_path import RETIMED_FACTOR, retimed_path, retimed_pieces
@@ -177,7 +177,7 @@ def _posed(task: Task, robot: Robot, route: Route, clear: Clear | None, made: Pa
     if task.objective.front is not None:
         worst |= task.objective.front.reference
     wanted = _requirements(task, robot, route, made, limits, load.parameters)
-    tuning = Tuning(starts=task.solve.starts, hull_rows=hull, solver_options=SOLVER_OPTIONS)
+    tuning = Tuning(starts=task.solve.starts, hull_rows=hull)
     problem = Problem(
         ID, made.variables, made.curve, objectives, wanted, made.guess, task, robot,
         parameters=lambda x: casadi.SX(masses), dilate=made.dilate, scales_in_time=made.scales_in_time,

@@ -55,6 +55,8 @@ _STATUS = {
     "Internal_Error": Status.FAILED,
 }
 
+# Of rows, in their scales: within the back-off of limits (transcription.BACK_OFF), so that what ends can be proved.
+VIOLATED = 1e-9
 # Our choice; IPOPT's own are 0.1, 0.01 and 0.01.
 _NARROW = {"mu_init": 1e-6, "bound_push": 1e-8, "bound_frac": 1e-8}
 
@@ -87,7 +89,9 @@ class Ipopt:
     """IPOPT with exact Hessians.
 
     Attributes:
-        tol: scaled KKT error.
+        tol: scaled KKT error. The last digits of a finer one cost: with 1e-10 the front of 40 points of
+            ``hybrid-spline`` takes 393 iterations instead of 273, and where limits rest on many control points twice as
+            many. Rows have to hold within ``VIOLATED`` in any case.
         max_iter: iterations.
         max_seconds: wall time.
         linear_solver: of ``LINEAR_SOLVERS``.
@@ -95,7 +99,7 @@ class Ipopt:
         options: further IPOPT options, by their own names.
     """
 
-    tol: float = 1e-10
+    tol: float = 1e-8
     max_iter: int = 500
     max_seconds: float = 600.0
     linear_solver: str = "mumps"
@@ -145,6 +149,7 @@ class Ipopt:
             "print_level": 0,
             "sb": "yes",
             "tol": self.tol,
+            "constr_viol_tol": min(VIOLATED, self.tol),
             "acceptable_tol": max(1e-6, self.tol),
             "max_iter": self.max_iter,
             "max_wall_time": self.max_seconds,

@@ -14,7 +14,7 @@ import ocp_traj as ot
 from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.formulation import standard
-from ocp_traj.formulation.knot_states import SOLVER_OPTIONS, knot_states
+from ocp_traj.formulation.knot_states import knot_states
 from ocp_traj.formulation.levels import cut, levels_of
 from ocp_traj.formulation.objective import gauss
 from ocp_traj.formulation.parametrisation import Parametrisation
@@ -97,7 +97,7 @@ def quintics(
         guess=made.guess,
         dilate=made.dilate,
         reference_point={"time": 10.0, "energy": 1e5},
-        tuning=Tuning(hull_rows=hull, solver_options=SOLVER_OPTIONS),
+        tuning=Tuning(hull_rows=hull),
     )  # fmt: skip
 
 

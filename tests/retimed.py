@@ -11,7 +11,6 @@ import numpy as np
 
 import ocp_traj as ot
 from ocp_traj.formulation import standard
-from ocp_traj.formulation.knot_states import SOLVER_OPTIONS
 from ocp_traj.formulation.levels import levels_of
 from ocp_traj.formulation.objective import gauss
 from ocp_traj.formulation.parametrisation import Parametrisation
@@ -63,7 +62,7 @@ def retimed(
         guess=made.guess,
         dilate=made.dilate,
         reference_point={"time": 10.0, "energy": 1e5},
-        tuning=Tuning(hull_rows=hull, solver_options=SOLVER_OPTIONS),
+        tuning=Tuning(hull_rows=hull),
     )
 
 

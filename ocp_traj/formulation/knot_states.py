@@ -19,9 +19,6 @@ from ocp_traj.formulation.stretches import Stretch
 from ocp_traj.robot.joint_limits import JointLimits
 
 DEGREES = (5, 7, 9)
-# For ``Tuning.solver_options``. Where limits rest on many control points the last digits of a finer tolerance take as
-# many iterations as all the rest; the rows have to hold as they would with it. Measured on 10 to 1000 via points.
-SOLVER_OPTIONS = {"ipopt": {"tol": 1e-8, "constr_viol_tol": 1e-9}}
 
 
 def knot_states(
