@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.errors import InputError
 from ocp_traj.formulation.case import check, count
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.parallel.workers import Workers
 from ocp_traj.progress import Progress, silent
-from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet
+from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet, check_traded
 from ocp_traj.results.records import Found, ignore
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_curve import FrontCurve
@@ -69,8 +68,7 @@ class FrontTracer:
     @one_blas_thread
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
         """Traces the front of two or more objectives; Ctrl-C ends it early with the points it has."""
-        if len(objectives) < 2:
-            raise InputError(f"a front trades two or more objectives; got {', '.join(objectives) or 'none'}")
+        check_traded(objectives)
         begun = time.perf_counter()
         work = Solves(problem, self.solver, self.workers, self.found)
         front = FrontPoints(problem, tuple(objectives), work, self.points, self.progress)

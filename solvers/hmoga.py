@@ -29,14 +29,13 @@ from pymoo.operators.mutation.pm import PM
 
 from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.errors import InputError
 from ocp_traj.evolution.elitism import ControlledElitism
 from ocp_traj.evolution.evolution import WORST, PymooProblem, ended_after, evolve
 from ocp_traj.evolution.generations import Watch
 from ocp_traj.formulation.case import check, count, number, share
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent
-from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet
+from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet, check_traded
 from ocp_traj.results.records import Found, ignore
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.refinement import refine, well_spaced
@@ -102,8 +101,7 @@ class HMOGA:
     @one_blas_thread
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
         """Ends, evolution and refinement; Ctrl-C ends it early with the points it has."""
-        if len(objectives) < 2:
-            raise InputError(f"a front trades two or more objectives; got {', '.join(objectives) or 'none'}")
+        check_traded(objectives)
         with stopping(self.max_seconds) as stop:
             return self._run(problem, objectives, stop)
 

@@ -22,12 +22,12 @@ from pymoo.util.ref_dirs import get_reference_directions
 
 from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.errors import InputError, NoSolutionFound
+from ocp_traj.errors import NoSolutionFound
 from ocp_traj.evolution.evolution import PymooProblem, ended_after, evolve
 from ocp_traj.formulation.case import check, choice, count, number, share
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent
-from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet
+from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet, check_traded
 from ocp_traj.results.records import Found, ignore
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.mopso import CompetitiveSwarm
@@ -95,8 +95,7 @@ class Memetic:
     @one_blas_thread
     def pareto(self, problem: Problem, objectives: Sequence[str]) -> ParetoSet:
         """The proved points of all stages, and the last generation's best; Ctrl-C ends it early with those it has."""
-        if len(objectives) < 2:
-            raise InputError(f"a front trades two or more objectives; got {', '.join(objectives) or 'none'}")
+        check_traded(objectives)
         with stopping(self.max_seconds) as stop:
             return self._run(problem, tuple(objectives), stop)
 

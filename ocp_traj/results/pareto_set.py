@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ocp_traj.arrays import Array
+from ocp_traj.errors import InputError
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.results.front import Front
 from ocp_traj.results.time_scaling import slow_down
@@ -33,6 +34,12 @@ class ParetoSet:
     seconds: float
     info: Mapping[str, Any] = field(default_factory=dict)
     interrupted: bool = False
+
+
+def check_traded(objectives: Sequence[str]) -> None:
+    """Refuses less than two objectives."""
+    if len(objectives) < 2:
+        raise InputError(f"a front trades two or more objectives; got {', '.join(objectives) or 'none'}")
 
 
 def proved_front(problem: Problem, objectives: Sequence[str], found: ParetoSet, keep_unproved: bool = False) -> Front:
