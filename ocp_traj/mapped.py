@@ -28,6 +28,8 @@ class Mapped:
     def __call__(self, *arguments: Array) -> Sequence[Array]:
         """Outputs ``(N, size)`` each, for inputs that broadcast to ``(N, size)``; overwritten by the next call."""
         count = len(arguments[0])
+        if not count:  # CasADi maps over one instant or more
+            return [np.zeros((0, size)) for size in self._sizes_out]
         if count not in self._kept:
             while len(self._kept) >= KEPT:
                 del self._kept[next(iter(self._kept))]

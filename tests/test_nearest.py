@@ -5,7 +5,7 @@ import pytest
 
 from ocp_traj.arrays import Array
 from ocp_traj.robot.bodies import Body, box, capsule, cylinder
-from ocp_traj.robot.cores import Cores, placed
+from ocp_traj.robot.cores import Cores, group_of
 from ocp_traj.robot.nearest_features import nearest_features
 from ocp_traj.robot.nearest_points import nearest
 from tests.independent.bodies import extent
@@ -16,7 +16,11 @@ TURN = TURN * np.linalg.det(TURN)  # a rotation
 
 
 def at_rest(bodies: list[Body]) -> Cores:
-    return placed(bodies, np.repeat(np.eye(3)[None], len(bodies), axis=0), np.zeros((len(bodies), 3)))
+    half = np.array([b.half for b in bodies])
+    return Cores(
+        np.array([group_of(b) for b in bodies]), np.array([b.centre for b in bodies]),
+        np.array([b.axes for b in bodies]), np.where(np.isfinite(half), half, 0.0),
+    )  # fmt: skip
 
 
 def least_along(one: Body, two: Body, normal: Array) -> float:
