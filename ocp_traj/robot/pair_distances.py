@@ -57,8 +57,8 @@ class PairDistances:
 
     def placements(self, q: Array) -> tuple[Array, Array]:
         """Rotations ``(N, joints, 3, 3)`` and places ``(N, joints, 3)`` of joints with bodies, at postures."""
-        found = self._frames(q)[0].reshape(len(q), -1, 12).copy()
-        return found[:, :, :9].reshape(len(q), -1, 3, 3), found[:, :, 9:]
+        found = self._frames(q)[0].reshape(len(q), len(self._carriers), 12).copy()
+        return found[:, :, :9].reshape(*found.shape[:2], 3, 3), found[:, :, 9:]
 
     def at_least(self, q: Array) -> Array:
         """What the distances ``(N, pairs)`` are at least, quickly; see ``pair_bounds``."""
