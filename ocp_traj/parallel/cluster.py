@@ -37,7 +37,7 @@ class Cluster(Workers):
         except ImportError as error:
             raise InputError("a cluster needs the extra cluster: pip install 'ocp-traj[cluster]'") from error
         try:
-            self._client: Any = Client(address, timeout=TIMEOUT, set_as_default=False)  # type: ignore[no-untyped-call]
+            self._client: Any = _client(Client, address)
         except (OSError, ValueError, TypeError) as error:
             raise InputError(
                 f"there is no Dask scheduler at {quoted(address)}: {cut(str(error))}; give its address, such as "
@@ -83,6 +83,13 @@ class Cluster(Workers):
         self._pending = [one for one in self._pending if not one.future.done()]
         self._pending.append(_Far(self._client, job))
         return self._pending[-1]
+
+
+def _client(kind: Any, address: str) -> Any:
+    try:
+        return kind(address, timeout=TIMEOUT, set_as_default=False)
+    except AssertionError:  # Dask gives its event loop 10 s to begin, which a busy machine may not have
+        return kind(address, timeout=TIMEOUT, set_as_default=False)
 
 
 class _Far:
