@@ -56,7 +56,8 @@ def test_weighted_sum_reaches_the_point_where_the_front_has_its_slope(weights: t
 def test_weights_of_zero_leave_their_objectives_out() -> None:
     scalar = WeightedSum({"time": 0.0, "effort": 1.0})
     assert scalar.names == ("effort",)
-    assert solved(scalar).x[0] == pytest.approx(PROBLEM.upper[0], rel=1e-6)
+    # Off its bound by IPOPT's tolerance over the slope, which falls with T^-4.
+    assert solved(scalar).x[0] == pytest.approx(PROBLEM.upper[0], rel=1e-5)
 
 
 def test_an_objective_to_be_maximised_is_maximised() -> None:
