@@ -248,7 +248,6 @@ def root_mean_square(motion: Trajectory) -> float:
 SEAMS: list[tuple[dict[str, Any], str, float, float]] = [
     # changes, objective, largest air time [s], largest rms [mm]
     ({}, "total", 7.5, 0.03),
-    ({}, "air_time", 7.0, 0.05),
 ]
 
 
@@ -273,6 +272,6 @@ def test_a_seam_is_welded_within_every_limit(
 @pytest.mark.slow
 def test_a_front_of_the_seam_is_proved() -> None:
     front = api.pareto(problems.load("weld-bezier"), ["air_time", "movement"], points=3)
-    assert len(front) == 3
+    assert len(front) == 3 and front.values[:, 0].min() <= 7.0
     for i in range(len(front)):
         assert front.audit(i).proved and kept(front.trajectory(i))
