@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import ocp_traj as ot
+from examples import hand_movements as fifth_paper
 from examples import own_robot
 from ocp_traj.cli.commands import run
 from ocp_traj.cli.sheets import problem_sheet
@@ -18,7 +19,6 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint, Requirements
 from ocp_traj.io.export import trajectory_table
 from ocp_traj.results.trajectory import case_fields
-from tests import fifth_paper
 from tests.closed_form import Quintic, quintic_problem
 
 
@@ -108,7 +108,7 @@ def test_another_paper_is_one_file_and_one_line(fifth: None, tmp_path: Path, cap
 
 
 def test_problems_of_other_packages_appear_by_their_entry_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry, "_of_other_packages", lambda: {"fifth-paper": "tests.fifth_paper"})
+    monkeypatch.setattr(registry, "_of_other_packages", lambda: {"fifth-paper": "examples.hand_movements"})
     assert "fifth-paper" in ot.problems.names()
     assert type(ot.problems.load("fifth-paper").case) is fifth_paper.FlashHogan1985
     assert registry.GROUP == "ocp_traj.problems"
@@ -157,9 +157,9 @@ def test_a_problem_by_module_and_function_is_loaded_with_its_case(monkeypatch: p
         return quintic_problem()
 
     monkeypatch.setattr(fifth_paper, "without_case", without_case, raising=False)
-    assert ot.problems.load("tests.fifth_paper:without_case").id == "quintic"
+    assert ot.problems.load("examples.hand_movements:without_case").id == "quintic"
     assert ot.problems.load(OWN, payload=1).case == own_robot.Case(1.0)
-    assert ot.problems.load("tests.fifth_paper:build", duration=1.0).case.duration == 1.0
+    assert ot.problems.load("examples.hand_movements:build", duration=1.0).case.duration == 1.0
     assert OWN not in ot.problems.names() and ot.problems.known(OWN)
     with pytest.raises(InputError, match="has no case field 'mass'"):
         ot.problems.load(OWN, mass=1.0)
