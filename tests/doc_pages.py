@@ -5,6 +5,7 @@
   ``# exit code 1``, else 0.
 * ``python``: one after the other, in one namespace a page.
 * ``toml``, ``json``, ``yaml`` with a first line ``# name``: a file of that name.
+* ``python`` or ``toml`` with a first line ``# examples/..``: lines of that file, as they stand there.
 * ``text``: no command and no code.
 
 A comment ``<!-- not run: reason -->`` before a block leaves it out. A reason begins with one of ``REASONS``, or names
@@ -48,6 +49,12 @@ class Block:
         first = self.text.partition("\n")[0]
         return first.removeprefix("# ") if re.fullmatch(r"# [\w-]+\.\w+", first) else ""
 
+    @property
+    def source(self) -> str:
+        """The file of the examples that it is an excerpt of, if it is one."""
+        first = self.text.partition("\n")[0]
+        return first.removeprefix("# ") if re.fullmatch(r"# examples/[\w/-]+\.\w+", first) else ""
+
 
 def blocks(page: Path) -> list[Block]:
     """Those of a page, in its order."""
@@ -62,6 +69,9 @@ def complaint(block: Block) -> str:
             return f"no known reason: {block.reason}"
         gone = [name for name in files if not (ROOT / name).is_file()]
         return f"{gone[0]} is not there" if gone else ""
+    if block.source:
+        there = block.text.partition("\n")[2] in (ROOT / block.source).read_text(encoding="utf-8")
+        return "" if there else f"not what {block.source} says"
     if block.kind == "text":
         return "a command in a block of text" if COMMAND.search(block.text) else ""
     if block.kind == "console":
@@ -90,7 +100,7 @@ def run_page(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Runs what a page shows in the current folder, and looks for what it says is printed."""
     names: dict[str, Any] = {"__name__": "page"}
     for block in blocks(page):
-        if block.reason or block.kind == "text":
+        if block.reason or block.source or block.kind == "text":
             continue
         if block.kind == "python":
             shown = _shown(capsys, lambda code=block.text: exec(compile(code, page.name, "exec"), names))

@@ -5,10 +5,13 @@ import shutil
 from pathlib import Path
 
 import pytest
+import typer
 
+from ocp_traj.cli.commands import app
+from ocp_traj.formulation import registry
 from tests.doc_pages import PAGES, ROOT, blocks, complaint, run_page
 
-RUN = [page for page in PAGES if any(not b.reason and b.kind != "text" for b in blocks(page))]
+RUN = [page for page in PAGES if any(not (b.reason or b.source) and b.kind != "text" for b in blocks(page))]
 LINK = re.compile(r"(?<!`)!?\[[^\]]*\]\(([^)\s]+)\)")
 
 
@@ -30,6 +33,7 @@ def test_a_page_is_what_happens(
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     shutil.copy(ROOT / "examples" / "foreign" / "arm.urdf", tmp_path)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(registry, "_registered", {})  # what a page registers is its own
     run_page(page, capsys)
 
 
@@ -56,3 +60,13 @@ def test_no_link_is_dead(page: Path) -> None:
 def test_every_page_is_in_the_navigation_and_the_other_way_round() -> None:
     listed = set(re.findall(r"[\w/-]+\.md$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE))
     assert listed == {str(page.relative_to(ROOT / "docs")) for page in PAGES[1:]}
+
+
+def test_the_page_of_commands_has_all_of_them_with_options_that_they_have() -> None:
+    known = typer.main.get_command(app).commands
+    lines = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8").splitlines()
+    rows = {line.split()[2].strip("`"): line for line in lines if line.startswith("| `ocp-traj ")}
+    assert set(rows) == set(known)
+    for name, line in rows.items():
+        options = {option for parameter in known[name].params for option in parameter.opts}
+        assert set(re.findall(r"(?<![\w-])--?[a-z][\w-]*", line)) <= options, name
