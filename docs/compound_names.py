@@ -9,7 +9,7 @@ NAMES = re.compile(r"^( +)(\w+(?:, \w+)+): ", re.MULTILINE)
 
 
 class CompoundNames(griffe.Extension):
-    """Joins names that share a description by spaces that do not break, with the type of the first."""
+    """Joins names that share a description by spaces that do not break, with their types."""
 
     def on_object(self, *, obj: griffe.Object, **kwargs: Any) -> None:
         """Rewrites the docstring of an object that was read."""
@@ -17,9 +17,10 @@ class CompoundNames(griffe.Extension):
             return
 
         def joined(found: re.Match[str]) -> str:
-            first = found[2].partition(",")[0]
+            names = found[2].split(", ")
             known = obj.parameters if isinstance(obj, griffe.Function) else obj.members
-            kind = getattr(known[first], "annotation", None) if first in known else None
-            return found[1] + found[2].replace(", ", ",\u00a0") + (f" ({kind}): " if kind is not None else ": ")
+            kinds = [str(known[name].annotation) if name in known else "None" for name in names]
+            said = ", ".join(dict.fromkeys(kind for kind in kinds if kind != "None"))
+            return found[1] + ",\u00a0".join(names) + (f" ({said}): " if said else ": ")
 
         obj.docstring.value = NAMES.sub(joined, obj.docstring.value)
