@@ -27,7 +27,13 @@ def move(start: Array, goal: Array, velocity: Array, acceleration: Array, jerk: 
 
 def at(found: Trajectory, times: Array, order: int) -> Array:
     """Position, velocity, acceleration or jerk ``(N, n)`` at times ``(N,)`` [s]."""
-    return np.array([found.at_time(float(t))[order] for t in times])
+    if order < 3:
+        return np.array([found.at_time(float(t))[order] for t in times])
+    jerks = []
+    for profile in found.profiles[0]:
+        part = np.searchsorted(np.cumsum(profile.t), times, side="right")
+        jerks.append(np.array(profile.j)[np.minimum(part, len(profile.j) - 1)])
+    return np.stack(jerks, axis=1)
 
 
 def breaks(found: Trajectory) -> Array:

@@ -46,9 +46,9 @@ def retime(
         limits.append(limit.JointTorqueConstraint(torque, effort, np.zeros(len(velocity))))
     for each in limits[1:]:
         each.set_discretization_type(limit.DiscretizationType[scheme])
-    grid = np.union1d(knots, np.linspace(knots[0], knots[-1], intervals + 1)) if intervals else None
-    if grid is not None:  # a knot of the spline that is a grid point to rounding is there once
-        grid = grid[np.append(True, np.diff(grid) > 1e-9)]
-        grid[-1] = knots[-1]
+    even = np.linspace(knots[0], knots[-1], intervals + 1) if intervals else toppra.interpolator.propose_gridpoints(path)
+    grid = np.union1d(knots, even)
+    grid = grid[np.append(True, np.diff(grid) > 1e-9)]  # a knot that is a grid point to rounding is there once
+    grid[-1] = knots[-1]
     solver = TOPPRA(limits, path, gridpoints=grid, parametrizer=parametrizer)
     return solver.compute_trajectory(), path, np.asarray(solver.gridpoints)
