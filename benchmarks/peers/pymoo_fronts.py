@@ -1,4 +1,4 @@
-"""NSGA-II, NSGA-III and MOEA/D of pymoo (Blank and Deb, 2020), by ``minimize`` as its manual has it."""
+"""NSGA-II, NSGA-III and MOEA/D, a generation at a time, of pymoo (Blank and Deb, 2020), as its manual has them.
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pymoo.algorithms.moo.moead import MOEAD
+from pymoo.algorithms.moo.moead import ParallelMOEAD
 from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.algorithms.moo.nsga3 import NSGA3
 from pymoo.optimize import minimize
@@ -23,10 +23,10 @@ def algorithm(method: str, objectives: int, size: int) -> Any:
     """The algorithm with the operators that its class comes with."""
     if method == "NSGA-II":
         return NSGA2(pop_size=size)
-    directions = get_reference_directions("energy", objectives, size, seed=1)
+    directions = get_reference_directions("uniform", objectives, n_partitions=size - 1)  # of two objectives
     if method == "NSGA-III":
         return NSGA3(pop_size=size, ref_dirs=directions)
-    return MOEAD(directions, n_neighbors=15, prob_neighbor_mating=0.7)
+    return ParallelMOEAD(directions, n_neighbors=15, prob_neighbor_mating=0.7)
 
 
 def front(problem: Any, method: str, size: int, seconds: float, seed: int) -> tuple[Array, int]:
