@@ -15,19 +15,12 @@ SETTINGS = {  # intervals from one point to the next, collocation points
 BEST = "20, radau"
 
 
-def solve(points: Array, bounds: list[tuple[Array, Array]], torque: Any, effort: Array, guess: float, setting: str) -> Any:
-    """A chain of integrators, its last derivative constant an interval, from rest to rest.
+def solve(points: Array, bounds: Any, torque: Any, effort: Array, guess: float, setting: str) -> Any:
+    """Rest to rest by a chain of integrators, its last derivative constant an interval.
 
-    Args:
-        points: to pass ``(m, n)``.
-        bounds: lower and upper ``(n,)`` of position, velocity .. and of the last derivative.
-        torque: casadi function (q, v, a) -> ``(n,)``, within +-``effort`` at nodes and collocation points.
-        effort: see ``torque``.
-        guess: of the time between points [s].
-        setting: one of ``SETTINGS``.
-
-    Returns:
-        Durations of the intervals ``(K,)``, states at their begins ``(K, order, n)``, controls ``(K, n)``, iterations.
+    Takes points ``(m, n)``; bounds, lower and upper ``(n,)``, of position .. and of the last derivative; a casadi
+    function (q, v, a) -> ``(n,)`` and what it stays within; a guess of the time between points [s]; one of ``SETTINGS``.
+    Returns durations ``(K,)``, states at their begins ``(K, order, n)``, controls ``(K, n)``, iterations.
     """
     per_phase, kind = SETTINGS[setting]
     n, order = points.shape[1], len(bounds) - 1
@@ -45,8 +38,8 @@ def solve(points: Array, bounds: list[tuple[Array, Array]], torque: Any, effort:
         times.append(time)
         for k in range(per_phase):
             inner, control, after = opti.variable(n * order, order), opti.variable(n), opti.variable(n * order)
-            for variable, share in [*((inner[:, i], k / per_phase) for i in range(order)), (after, (k + 1) / per_phase)]:
-                opti.set_initial(variable, np.concatenate([start + share * (goal - start), still]))
+            opti.set_initial(inner, np.tile(np.append(start + k / per_phase * (goal - start), still)[:, None], order))
+            opti.set_initial(after, np.append(start + (k + 1) / per_phase * (goal - start), still))
             rate = ca.vertcat(inner[n:, :], ca.repmat(control, 1, order))
             opti.subject_to(ca.vec(ca.horzcat(state, inner) @ C - time / per_phase * rate) == 0)
             opti.subject_to(after == ca.horzcat(state, inner) @ D)

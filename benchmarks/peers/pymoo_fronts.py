@@ -1,4 +1,4 @@
-"""NSGA-II, NSGA-III and MOEA/D, a generation at a time, of pymoo (Blank and Deb, 2020), as its manual has them.
+"""NSGA-II, NSGA-III and MOEA/D, a generation at a time, of pymoo (Blank and Deb, 2020), as its manual has them."""
 
 from __future__ import annotations
 

@@ -66,12 +66,12 @@ def cells(quick: bool) -> Iterator[Cell]:
 def measure(cell: Cell) -> Figures:
     """One move by one tool, building included."""
     (robot, bounds), points, degree = arm(cell.subject), move(cell.repeat), LIMITS[cell.subject][1]
-    torque = "effort" in bounds
+    torque, rest = "effort" in bounds, 3 if "snap" in bounds else 2  # derivatives that vanish at both ends
     if cell.tool == "ours":
         coarsest, finest = usual_levels(degree, stops_only=True)
-        ot.solve(refined(robot, points, coarsest, coarsest, torque=torque, degree=degree))  # warm
+        ot.solve(refined(robot, points, coarsest, coarsest, torque=torque, degree=degree, rest=rest))  # warm
         begun = time.process_time()
-        found = ot.solve(refined(robot, points, coarsest, finest, torque=torque, degree=degree))
+        found = ot.solve(refined(robot, points, coarsest, finest, torque=torque, degree=degree, rest=rest))
         spent = time.process_time() - begun
         if found.trajectory is None:
             return {"cpu": spent, "failed": found.explain()}
