@@ -13,7 +13,7 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.problems import hybrid_robot
 from ocp_traj.problems import hybrid_spline as paper
 from ocp_traj.reproductions import hybrid_spline_tables as tables
-from ocp_traj.reproductions.comparison import Comparison, Sheet, compare, half_unit, rounding_effect
+from ocp_traj.reproductions.comparison import Comparison, Run, Sheet, compare, half_unit, rounding_effect
 from ocp_traj.reproductions.hybrid_spline import optimum, payloads, reported
 from ocp_traj.reproductions.hybrid_spline_errata import (
     MISPRINTS,
@@ -218,7 +218,9 @@ def test_tool_cannot_point_along_the_tangent() -> None:
 
 def test_table_7_is_no_minimum(literal: Problem) -> None:
     sheet = Sheet()
-    run = optimum(sheet, literal)
+    runs: list[Run] = []
+    optimum(sheet, runs, literal)
+    (run,) = runs
     assert run.verdict == "proved" and run.objectives["cost [-]"] == approx(2.957317, abs=5e-7)
     (slope,) = [c for c in sheet.comparisons if c.item.startswith("dFc/dh")]
     assert slope.verdict == "differs" and abs(slope.ours) > 10.0 * slope.tolerance
