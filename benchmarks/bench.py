@@ -31,6 +31,14 @@ from benchmarks.tables.words import table as markdown
 ROOT = Path(__file__).resolve().parent.parent
 TABLES = ("toppra", "ruckig", "guo", "fronts", "collocation", "clearance", "sizes")
 LONGEST = 1200.0  # [s] of a process of its own, after which it is ended: our choice
+HOW = """## Side by side: how it was measured
+
+{machine}; {versions}. Seconds are of the processor, one thread, building and, for ours, proof included; imports and a
+first call to warm up are not. Every trajectory of every tool is judged by `benchmarks/judge.py`: a scan of 20 000
+instants of the tool's own evaluation, torques by pinocchio, and the audit of the same motion as Bezier pieces. Excess
+is relative to the limit. Peers are scripts of at most 60 lines in `benchmarks/peers/`, as their manuals write them.
+{sample}"""
+SAMPLE = "What follows is a small sample (`make bench-quick`); `make bench` measures more."
 QUICK, WHOLE = ROOT / "runs" / "bench-quick", ROOT / "runs" / "bench"
 
 
@@ -78,7 +86,8 @@ def apart(name: str, cell: Cell) -> Figures:
     except subprocess.TimeoutExpired:
         return {"failed": f"no end after {LONGEST:g} s"}
     if ended.returncode:
-        return {"failed": f"exit code {ended.returncode}: {(ended.stderr.strip().splitlines() or ['no word'])[-1][:200]}"}
+        last = (ended.stderr.strip().splitlines() or ["no word"])[-1]
+        return {"failed": f"exit code {ended.returncode}: {last[:200]}"}
     found: Figures = json.loads(ended.stdout.splitlines()[-1])
     return found
 
@@ -100,12 +109,7 @@ def page(folder: Path, quick: bool) -> None:
     put("cited", "## Figures that are cited\n\n" + markdown(
         ("key", "figure", "what it is"), ([f"`{key}`", *words] for key, words in cited.items())
     ))  # fmt: skip
-    put("machine", f"""## Side by side: how it was measured
-
-{machine()}; {versions()}. Seconds are of the processor, one thread, building and, for ours, proof included; imports
-and a first call to warm up are not. Every trajectory of every tool is judged by `benchmarks/judge.py`: a scan of 20 000
-instants of the tool's own evaluation, torques by pinocchio, and the audit of the same motion as Bezier pieces. Excess is
-relative to the limit. Peers are scripts of at most 60 lines in `benchmarks/peers/`. {"A quick sample: `make bench-quick`; `make bench` measures more." if quick else ""}""")
+    put("machine", HOW.format(machine=machine(), versions=versions(), sample=SAMPLE if quick else ""))
 
 
 def main() -> None:
