@@ -180,7 +180,7 @@ def exponent(sizes: list[float], values: list[float]) -> float:
     return float(np.polyfit(x, y, 1)[0])
 
 
-def _axis(lines: Lines, axis: str) -> dict[int, dict[str, float]]:
+def by_size(lines: Lines, axis: str) -> dict[int, dict[str, float]]:
     """Medians by size."""
     found: dict[int, dict[str, float]] = {}
     for size in sorted({int(cell.setting) for cell, _ in lines.items(subject=axis)}):
@@ -195,7 +195,7 @@ def text(lines: Lines) -> str:
     """The section."""
     rows, fits = [], []
     for axis in AXES:
-        by = _axis(lines, axis)
+        by = by_size(lines, axis)
         for size, one in by.items():
             rows.append([axis, str(size), f"{one['runs']}", f"{one['cpu']:.3g}", f"{one['MB']:.0f}",
                          f"{one['iterations']:.0f}", f"{one['proved']} of {one['runs']}"])  # fmt: skip
@@ -241,7 +241,7 @@ def cited(lines: Lines) -> dict[str, tuple[str, str]]:
     """Figures by key, with what they are."""
     found = {}
     for axis in AXES:
-        by = _axis(lines, axis)
+        by = by_size(lines, axis)
         power = exponent([float(size) for size in by], [one["cpu"] for one in by.values()])
         if np.isfinite(power):
             found[f"sizes.{axis.replace(' ', '-')}"] = (f"{power:.1f}", f"exponent of seconds in the number of {axis}")
@@ -252,7 +252,7 @@ def behind(lines: Lines) -> list[str]:
     """Where cost grows quicker than size."""
     words = []
     for axis in AXES:
-        by = _axis(lines, axis)
+        by = by_size(lines, axis)
         power = exponent([float(size) for size in by], [one["cpu"] for one in by.values()])
         if power > 1.2:
             words.append(f"Seconds grow as (number of {axis})^{power:.1f}, quicker than in proportion.")

@@ -132,6 +132,7 @@ def measure(cell: Cell) -> Figures:
         spent = {"cpu": time.process_time() - begun, "seconds": time.perf_counter() - wall}
         if found.trajectory is None:
             return {**spent, "failed": found.explain()}
+        spent |= {"rows": found.row_count, "iterations": found.iterations}
         made = of_curve(found.trajectory.curve)
     else:
         torque = None if ground.payload is None else torques(arm, ground.payload)
@@ -158,7 +159,7 @@ def text(lines: Lines) -> str:
             f"{name}, {ground.acceleration:g} rad/s2" + (f", {ground.payload:g} kg" if ground.payload else "")
             + (f", {ground.jerk:g} rad/s3" if ground.jerk else ""),
             f"{sum(one['proved'] for one in ours)} of {len(ours)}",
-            f"{sum(one['proved'] for one in theirs)} of {len(theirs)}" if theirs else "has no jerk limit",
+            f"{sum(one['proved'] for one in theirs)} of {len(theirs)}" if ground.jerk is None else "has no jerk limit",
             spread(_over(lines, "duration", name), ".4f"),
             percent([one["excess"] for one in ours]), percent([one["excess"] for one in theirs]),
             median([one["cpu"] for one in ours]), median([one["cpu"] for one in theirs]),

@@ -75,7 +75,8 @@ def measured(lines: Lines, command: str) -> str:
         min(figures, key=lambda f: f["at"]), max(figures, key=lambda f: f["at"])
     )]  # fmt: skip
     busy = max(one["load"] for one in figures)
-    return f"`{command}`: {len(figures)} measurements, {stamps[0]} to {stamps[1]} UTC, load up to {busy:.1f}."
+    commits = ", ".join(dict.fromkeys(one.get("commit", "unknown") for one in figures))
+    return f"`{command}`: {len(figures)} measurements, {stamps[0]} to {stamps[1]} UTC, commit {commits}, load up to {busy:.1f}."
 
 
 def subjects(lines: Lines, **wanted: Any) -> list[str]:
