@@ -76,7 +76,8 @@ def measured(lines: Lines, command: str) -> str:
     )]  # fmt: skip
     busy = max(one["load"] for one in figures)
     commits = ", ".join(dict.fromkeys(one.get("commit", "unknown") for one in figures))
-    return f"`{command}`: {len(figures)} measurements, {stamps[0]} to {stamps[1]} UTC, commit {commits}, load up to {busy:.1f}."
+    when = f"{stamps[0]} to {stamps[1]} UTC, commit {commits}"
+    return f"`{command}`: {len(figures)} measurements, {when}, load up to {busy:.1f}."
 
 
 def subjects(lines: Lines, **wanted: Any) -> list[str]:
