@@ -17,7 +17,7 @@ METHODS ?= runs/methods.jsonl
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow test-browser kill resume-kill fuzz fuzz-clearance interrupts bench bench-quick bench-page bench-toppra bench-ruckig bench-guo bench-fronts bench-collocation bench-clearance bench-sizes bench-scenes bench-speed bench-arms bench-workers bench-methods coverage lint clean
+.PHONY: help front test test-slow test-browser kill resume-kill fuzz fuzz-clearance interrupts bench bench-quick bench-page bench-toppra bench-ruckig bench-guo bench-fronts bench-collocation bench-clearance bench-sizes bench-scenes bench-speed bench-arms bench-workers bench-methods coverage docs lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
@@ -41,6 +41,7 @@ help:
 	@echo "make bench-methods every method on six problems, 20 s and 60 s each, into METHODS; an hour, and goes on"
 	@echo "make bench-scenes SCENES=FOLDER problems of MotionBenchMaker in clutter beside OMPL and TOPP-RA; hours, and goes on"
 	@echo "                where it was stopped"
+	@echo "make docs       the documentation, into build/site"
 	@echo "make lint       ruff, and mypy on the installed package"
 	@echo "make clean      remove $(VENV), builds and caches; runs/ stays"
 
@@ -118,6 +119,14 @@ lint: $(VENV)/.installed-dev
 	rm -rf build $(VENV)/plain
 	$(INSTALL) --no-deps --target $(VENV)/plain .
 	cd $(VENV)/plain && ../bin/python -m mypy --config-file "$(CURDIR)/pyproject.toml" --cache-dir ../mypy_cache -p ocp_traj
+
+# The API pages read the package as a user gets it, with problems and solvers in it, and import nothing.
+docs: $(VENV)/.installed-dev
+	rm -rf build/source build/site
+	mkdir -p build/source
+	cp -r ocp_traj build/source
+	cp -r problems solvers build/source/ocp_traj
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .coverage .coverage.* coverage.xml htmlcov

@@ -349,9 +349,13 @@ def import_sheet(found: Imported, target: Path) -> Sheet:
 
 
 def reproduction_sheet(found: Reproduction) -> Sheet:
-    """A paper's tables beside ours."""
-    tables = [
-        (title, [str(name) for name in table.columns], table.to_numpy(dtype=object).tolist())
-        for title, table in found.tables.items()
-    ]
+    """A paper's tables beside ours, the figures, and the verdicts at the end."""
+    from ocp_traj.reproductions.readable import cell, readable
+
+    tables: list[Rows] = []
+    for title, table in [*found.tables.items(), ("Verdicts", found.summary)]:
+        text = readable(table)
+        tables.append((title, list(text.columns), text.to_numpy(dtype=object).tolist()))
+    figures = [[one.listed.number, one.listed.shows, cell(one.made), one.words] for one in found.figures]
+    tables.insert(-1, ("Figures", ["figure", "shows", "made", "of, or why not"], figures))
     return Sheet(found.to_dict(), tables)

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
+from ocp_traj.reproductions.gallery import PaperFigure
 
 FORMAT = "ocp-traj/reproduction/2"
 AGREES, ERRATUM, DIFFERS = "agrees", "erratum", "differs"
@@ -89,7 +90,10 @@ class Run:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """A paper's results beside ours; ``extra`` holds tables of another kind, by title."""
+    """A paper's results beside ours; ``extra`` holds tables of another kind, by title; ``figures`` are all it has.
+
+    One that is handed on while it is made is not ``finished``.
+    """
 
     problem: str
     reference: str
@@ -97,6 +101,8 @@ class Reproduction:
     errata: tuple[Erratum, ...]
     runs: tuple[Run, ...] = field(default_factory=tuple)
     extra: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+    figures: tuple[PaperFigure, ...] = ()
+    finished: bool = True
 
     @property
     def summary(self) -> pd.DataFrame:
@@ -120,7 +126,9 @@ class Reproduction:
         """As plain JSON values."""
         counts = {row["table"]: {v: int(row[v]) for v in VERDICTS} for row in self.summary.to_dict("records")}
         extra = {title: table.to_dict("records") for title, table in self.extra.items()}
-        return {"format": FORMAT, **asdict(replace(self, extra={})), "extra": extra, "summary": counts}
+        figures = [figure.to_dict() for figure in self.figures]
+        whole = asdict(replace(self, extra={}, figures=()))
+        return {"format": FORMAT, **whole, "extra": extra, "figures": figures, "summary": counts}
 
 
 def _table(comparisons: Sequence[Comparison]) -> pd.DataFrame:
