@@ -4,8 +4,8 @@
     python -m benchmarks.bench page [--lines FOLDER]
 
 What is measured is kept at once, a line of JSON each, in FOLDER/TABLE.jsonl: a run that was stopped goes on where it
-was. The page is benchmarks/RESULTS.md, each table a section of it. One process, one thread; what may break the process,
-or whose memory counts, runs in one of its own.
+was, and tries once more what failed. The page is benchmarks/RESULTS.md, each table a section of it. One process, one
+thread; what may break the process, or whose memory counts, runs in one of its own.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from benchmarks.lines import Cell, Figures, Lines
-from benchmarks.machine import machine, versions
+from benchmarks.machine import commit_of, machine, versions
+from benchmarks.pictures import DRAWN
 from benchmarks.sections import put
 from benchmarks.tables.words import failures, measured
 from benchmarks.tables.words import table as markdown
@@ -31,6 +32,14 @@ from benchmarks.tables.words import table as markdown
 ROOT = Path(__file__).resolve().parent.parent
 TABLES = ("toppra", "ruckig", "guo", "fronts", "collocation", "clearance", "sizes")
 LONGEST = 1200.0  # [s] of a process of its own, after which it is ended: our choice
+HOW = """## Side by side: how it was measured
+
+{machine}; {versions}. Seconds are of the processor, one thread, building and, for ours, proof included; imports and a
+first call to warm up are not. Every trajectory of every tool is judged by `benchmarks/judge.py`: a scan of 20 000
+instants of the tool's own evaluation, torques by pinocchio, and the audit of the same motion as Bezier pieces. Excess
+is relative to the limit. Peers are scripts of at most 60 lines in `benchmarks/peers/`, as their manuals write them.
+{sample}"""
+SAMPLE = "What follows is a small sample (`make bench-quick`); `make bench` measures more."
 QUICK, WHOLE = ROOT / "runs" / "bench-quick", ROOT / "runs" / "bench"
 
 
@@ -45,13 +54,13 @@ def measure(name: str, quick: bool, folder: Path, fresh: bool) -> None:
     if fresh:
         path.unlink(missing_ok=True)
     module, lines = load(name), Lines(path)
-    wanted = list(module.cells(quick))
+    wanted, commit = list(module.cells(quick)), commit_of(ROOT)
     for number, cell in enumerate(wanted, 1):
-        if cell in lines.found:
+        if "failed" not in lines.found.get(cell, {"failed": "not tried"}):
             continue
         begun = time.perf_counter()
         figures = apart(name, cell) if getattr(module, "APART", False) else one(module, cell)
-        lines.add(cell, figures)
+        lines.add(cell, {**figures, "commit": commit})
         words = figures.get("failed") or ", ".join(
             f"{key} {value:.4g}" for key, value in figures.items() if isinstance(value, float) and key != "at"
         )
@@ -78,7 +87,8 @@ def apart(name: str, cell: Cell) -> Figures:
     except subprocess.TimeoutExpired:
         return {"failed": f"no end after {LONGEST:g} s"}
     if ended.returncode:
-        return {"failed": f"exit code {ended.returncode}: {(ended.stderr.strip().splitlines() or ['no word'])[-1][:200]}"}
+        last = (ended.stderr.strip().splitlines() or ["no word"])[-1]
+        return {"failed": f"exit code {ended.returncode}: {last[:200]}"}
     found: Figures = json.loads(ended.stdout.splitlines()[-1])
     return found
 
@@ -86,13 +96,15 @@ def apart(name: str, cell: Cell) -> Figures:
 def page(folder: Path, quick: bool) -> None:
     """Writes the sections of all tables that have lines, and those made of them all."""
     cited, behind = {}, []
+    put("machine", HOW.format(machine=machine(), versions=versions(), sample=SAMPLE if quick else ""))
     for name in TABLES:
         lines = Lines(folder / f"{name}.jsonl")
         if not lines.found:
             continue
         module = load(name)
+        picture = DRAWN[name](lines) if name in DRAWN else ""
         command = f"make bench-{name}" + (" QUICK=1" if quick else "")
-        parts = (f"## {module.TITLE}", measured(lines, command), module.text(lines), failures(lines))
+        parts = (f"## {module.TITLE}", measured(lines, command), module.text(lines), picture, failures(lines))
         put(name, "\n\n".join(filter(None, parts)))
         cited.update(module.cited(lines))
         behind += module.behind(lines)
@@ -100,12 +112,6 @@ def page(folder: Path, quick: bool) -> None:
     put("cited", "## Figures that are cited\n\n" + markdown(
         ("key", "figure", "what it is"), ([f"`{key}`", *words] for key, words in cited.items())
     ))  # fmt: skip
-    put("machine", f"""## Side by side: how it was measured
-
-{machine()}; {versions()}. Seconds are of the processor, one thread, building and, for ours, proof included; imports
-and a first call to warm up are not. Every trajectory of every tool is judged by `benchmarks/judge.py`: a scan of 20 000
-instants of the tool's own evaluation, torques by pinocchio, and the audit of the same motion as Bezier pieces. Excess is
-relative to the limit. Peers are scripts of at most 60 lines in `benchmarks/peers/`. {"A quick sample: `make bench-quick`; `make bench` measures more." if quick else ""}""")
 
 
 def main() -> None:

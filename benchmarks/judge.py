@@ -19,8 +19,8 @@ from ocp_traj.arrays import Array
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.motion import Motion
 from ocp_traj.formulation import standard
-from ocp_traj.formulation.requirements import Requirements
 from ocp_traj.formulation.problem import Problem
+from ocp_traj.formulation.requirements import Requirements
 from ocp_traj.proof.audit import audit
 from ocp_traj.proof.verdicts import CHECKED, PROVED
 from ocp_traj.results.trajectory import audit_points, trajectory_of
@@ -85,7 +85,7 @@ class PinArm:
 
 
 def requirements(robot: Robot, bounds: Bounds, payload: Any = 0.0) -> Requirements:
-    """Limits on joints, and on torques where ``bounds`` has ``effort``, of a motion smooth enough for them to be finite."""
+    """Limits on joints, on torques where ``bounds`` has ``effort``, and as much continuity as keeps them finite."""
     held = {name: pair for name, pair in bounds.items() if name in ORDERS}
     limits = standard.joint_limits(JointLimits(**held), robot.joints, robot.units)
     if "effort" in bounds:
@@ -106,9 +106,7 @@ def scan(made: Made, bounds: Bounds, machine: Machine | None) -> tuple[float, st
         machine: gives the torques where they are limited.
     """
     t = np.linspace(0.0, made.duration, INSTANTS)
-    found = {
-        name: made.sample(t, order) for order, name in enumerate(ORDERS) if name in bounds
-    }
+    found = {name: made.sample(t, order) for order, name in enumerate(ORDERS) if name in bounds}
     if machine is not None and "effort" in bounds:
         found["effort"] = efforts(machine, *(made.sample(t, order) for order in range(3)))
     excess = {name: float(beyond(values, *bounds[name]).max()) for name, values in found.items()}
@@ -121,8 +119,8 @@ def judged(made: Made, bounds: Bounds, machine: Machine | None, wanted: Requirem
 
     Returns:
         ``duration`` [s]; ``excess`` and ``limit`` of the scan; ``proved``, whether the audit proves all limits along
-        the path and that nothing jumps that must not; ``jumps``, what does; ``audit excess``, the largest that it has not ruled out; ``audit`` in words, which are of point
-        constraints and continuity as well; ``gap`` between what was scanned and what was audited, in the joints' units;
+        the path and that nothing jumps that must not; ``jumps``, what does; ``audit excess``, the largest that it has
+        not ruled out; ``audit`` in words; ``gap`` between what was scanned and what was audited, in the joints' units;
         ``scan seconds`` and ``audit seconds`` of the processor.
     """
     begun = time.process_time()
@@ -135,14 +133,15 @@ def judged(made: Made, bounds: Bounds, machine: Machine | None, wanted: Requirem
     t = np.linspace(0.0, made.duration, 1001)
     gap = np.abs(made.curve(np.minimum(t, made.curve.duration)) - made.sample(t, 0)).max()
     return {
-        "duration": made.duration, "excess": excess, "limit": limit, "proved": all(row.verdict == PROVED for row in rows) and not jumps, "jumps": sorted(set(jumps)),
+        "duration": made.duration, "excess": excess, "limit": limit, "jumps": sorted(set(jumps)),
+        "proved": all(row.verdict == PROVED for row in rows) and not jumps,
         "audit excess": max(0.0, *(-row.margin for row in rows)), "audit": found.explain()[:300],
         "gap": float(gap), "scan seconds": scanned - begun, "audit seconds": audited - scanned,
     }  # fmt: skip
 
 
 def judged_point(problem: Problem, x: Array) -> dict[str, Any]:
-    """What scan and audit find of the decision variables ``(n,)`` of a paper's problem: ``excess``, ``limit``, ``proved``.
+    """What scan and audit find of decision variables ``(n,)`` of a paper's problem: ``excess``, ``limit``, ``proved``.
 
     The scan is of the code in ``tests/independent``, which shares nothing with the package, at ``INSTANTS`` instants.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -27,6 +28,14 @@ def versions(names: tuple[str, ...] = (*LIBRARIES, *PEERS)) -> str:
         except PackageNotFoundError:
             found.append(f"{name} is not installed")
     return ", ".join(found)
+
+
+def commit_of(folder: Path) -> str:
+    """Short name of the commit that a folder is at, with a word where it has been changed since."""
+    words = ["git", "-C", str(folder)]
+    name = subprocess.run([*words, "rev-parse", "--short", "HEAD"], capture_output=True, text=True).stdout.strip()
+    changed = subprocess.run([*words, "diff", "--quiet", "HEAD", "--", "*.py"], capture_output=True).returncode
+    return (name or "unknown") + (", changed" if changed else "")
 
 
 def machine() -> str:

@@ -6,12 +6,16 @@ comes last; all else stays as it is.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from ocp_traj.files import write_text
 
 RESULTS = Path(__file__).resolve().parent / "RESULTS.md"
 TITLE = "# Results of the benchmarks"
+MARKER = re.compile(r"<!-- results: ([\w.-]+) -->")
+ROW = re.compile(r"^\| `([\w.-]+)` \| ([^|]+?) \|", flags=re.MULTILINE)
 
 
 def put(name: str, text: str, page: Path = RESULTS) -> None:
@@ -30,3 +34,26 @@ def put(name: str, text: str, page: Path = RESULTS) -> None:
     tail = rest.partition(end)[2]
     parts = (head.strip(), f"{start}\n{text.strip()}\n{end}", tail.strip())
     write_text(page, "\n\n".join(filter(None, parts)) + "\n")
+
+
+def cited_figures(page: str) -> dict[str, str]:
+    """Figures of the page that may be cited, by key: the table of its section ``cited``."""
+    start, end = "<!-- cited -->", "<!-- /cited -->"
+    return dict(ROW.findall(page.partition(start)[2].partition(end)[0]))
+
+
+def disagreements(document: str, figures: Mapping[str, str]) -> list[str]:
+    """Where a document says otherwise than the page that it cites.
+
+    Args:
+        document: whose figures are followed by ``<!-- results: key -->`` each.
+        figures: of the page, by key.
+    """
+    found = []
+    for marker in MARKER.finditer(document):
+        key, before = marker[1], document[: marker.start()].rstrip()
+        if key not in figures:
+            found.append(f"{key}: there is no such figure; there are {', '.join(figures) or 'none'}")
+        elif not re.search(rf"(?<![\w.]){re.escape(figures[key])}$", before):
+            found.append(f"{key}: {before[-30:]!r} does not end with {figures[key]!r}")
+    return found

@@ -1,4 +1,4 @@
-"""Direct collocation with CasADi's ``Opti``, as its example ``direct_collocation`` has it: least time through points."""
+"""Direct collocation with CasADi's ``Opti``, as its example ``direct_collocation``: least time through points."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 SETTINGS = {  # intervals from one point to the next, collocation points
-    "20, radau": (20, "radau"), "10, radau": (10, "radau"), "40, radau": (40, "radau"), "20, legendre": (20, "legendre"),
-}  # fmt: skip
-BEST = "20, radau"
+    "10, radau": (10, "radau"),
+    "20, radau": (20, "radau"),
+    "40, radau": (40, "radau"),
+    "10, legendre": (10, "legendre"),
+}
 
 
 def solve(points: Array, bounds: Any, torque: Any, effort: Array, guess: float, setting: str) -> Any:
     """Rest to rest by a chain of integrators, its last derivative constant an interval.
 
     Takes points ``(m, n)``; bounds, lower and upper ``(n,)``, of position .. and of the last derivative; a casadi
-    function (q, v, a) -> ``(n,)`` and what it stays within; a guess of the time between points [s]; one of ``SETTINGS``.
+    function (q, v, a) -> ``(n,)`` and what it stays within; a guess of the time from point to point [s]; a setting.
     Returns durations ``(K,)``, states at their begins ``(K, order, n)``, controls ``(K, n)``, iterations.
     """
     per_phase, kind = SETTINGS[setting]

@@ -5,6 +5,8 @@ It takes a fixed time, penalties on states and points, and box bounds on torques
 
 from __future__ import annotations
 
+from typing import Any
+
 import crocoddyl
 import numpy as np
 import pinocchio as pin
@@ -16,11 +18,10 @@ SETTINGS = {  # steps, weight of the points, weight of the limits
     "100 steps, 1e6, 1e4": (100, 1e6, 1e4),
     "200 steps, 1e5, 1e3": (200, 1e5, 1e3),
 }
-BEST = next(iter(SETTINGS))
 
 
-def move(model: pin.Model, points: Array, times: Array, velocity: Array, effort: Array, setting: str) -> tuple[Array, Array, int]:
-    """States ``(N + 1, 2 n)`` and torques ``(N, n)`` of a motion through points ``(m, n)`` at times ``(m,)``, iterations."""
+def move(model: pin.Model, points: Array, times: Array, velocity: Array, effort: Array, setting: str) -> Any:
+    """States ``(N + 1, 2 n)`` and torques ``(N, n)`` through points ``(m, n)`` at times ``(m,)``, and iterations."""
     count, at_points, at_limits = SETTINGS[setting]
     n, dt = model.nv, times[-1] / count
     state = crocoddyl.StateMultibody(model)

@@ -1,4 +1,4 @@
-"""Direct collocation with rockit (Gillis et al., 2020), a stage from point to point, as its example ``bouncing_ball``."""
+"""Collocation with rockit (Gillis et al., 2020), a stage from point to point, as its example ``bouncing_ball``."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from rockit import DirectCollocation, FreeTime, MultipleShooting, Ocp
 
 Array = NDArray[np.float64]
 SETTINGS = {  # intervals from one point to the next, method, where limits are looked at
+    "10, collocation, at its points": (10, "collocation", "integrator_roots"),
     "20, collocation, at its points": (20, "collocation", "integrator_roots"),
-    "20, collocation, at the intervals' ends": (20, "collocation", "control"),
-    "20, multiple shooting": (20, "shooting", "control"),
-}  # fmt: skip
-BEST = "20, collocation, at its points"
+    "10, collocation, at the intervals' ends": (10, "collocation", "control"),
+    "10, multiple shooting": (10, "shooting", "control"),
+}
 
 
 def solve(points: Array, bounds: Any, torque: Any, effort: Array, guess: float, setting: str) -> Any:

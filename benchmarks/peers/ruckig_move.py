@@ -1,4 +1,4 @@
-"""Ruckig (Berscheid and Kroeger, 2021): the least time from rest to rest under bounds up to jerk, as its manual has it."""
+"""Ruckig (Berscheid and Kroeger, 2021): least time from rest to rest, bounds up to jerk, as its manual has it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ SETTINGS = {"time": Synchronization.Time, "phase": Synchronization.Phase}  # how
 BEST = "time"
 
 
-def move(start: Array, goal: Array, velocity: Array, acceleration: Array, jerk: Array, setting: str = BEST) -> Trajectory:
+def move(
+    start: Array, goal: Array, velocity: Array, acceleration: Array, jerk: Array, setting: str = BEST
+) -> Trajectory:
     """The trajectory between two postures ``(n,)`` under symmetric bounds ``(n,)``."""
     n = len(start)
     asked, found = InputParameter(n), Trajectory(n)

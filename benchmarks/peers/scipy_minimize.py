@@ -34,14 +34,16 @@ def solve(
         gradient: see ``cost``.
         rows: ``(m,)``, with their ``jacobian`` ``(m, n)``, which SLSQP wants dense.
         jacobian: see ``rows``.
-        bounds_x, bounds_g: lower and upper, of variables and rows.
+        bounds_x: lower and upper, of variables.
+        bounds_g: lower and upper, of rows.
         x0: start, within its bounds.
         setting: one of ``SETTINGS``.
     """
     method, options = SETTINGS[setting]
     slope = jacobian if method == "trust-constr" else lambda x: jacobian(x).toarray()
     held = NonlinearConstraint(rows, *bounds_g, jac=slope, hess=BFGS())
+    more = {"hess": BFGS()} if slope is jacobian else {}
     found = minimize(
-        cost, x0, jac=gradient, hess=BFGS() if slope is jacobian else None, method=method, bounds=Bounds(*bounds_x), constraints=[held], options=options
+        cost, x0, jac=gradient, method=method, bounds=Bounds(*bounds_x), constraints=[held], options=options, **more
     )
     return np.clip(found.x, *bounds_x), bool(found.success), found.nit

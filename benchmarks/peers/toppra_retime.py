@@ -31,7 +31,8 @@ def retime(
     Args:
         knots: of the spline ``(m,)``, and ``points`` there ``(m, n)``.
         points: see ``knots``.
-        velocity, acceleration: bounds ``(n, 2)``.
+        velocity: bounds ``(n, 2)``.
+        acceleration: bounds ``(n, 2)``.
         torque: (q, v, a) -> ``(n,)``, with its bounds ``effort`` ``(n, 2)``; None for no such limit.
         effort: see ``torque``.
         setting: one of ``SETTINGS``.
@@ -46,7 +47,9 @@ def retime(
         limits.append(limit.JointTorqueConstraint(torque, effort, np.zeros(len(velocity))))
     for each in limits[1:]:
         each.set_discretization_type(limit.DiscretizationType[scheme])
-    even = np.linspace(knots[0], knots[-1], intervals + 1) if intervals else toppra.interpolator.propose_gridpoints(path)
+    even = np.linspace(knots[0], knots[-1], intervals + 1)
+    if not intervals:
+        even = toppra.interpolator.propose_gridpoints(path)
     grid = np.union1d(knots, even)
     grid = grid[np.append(True, np.diff(grid) > 1e-9)]  # a knot that is a grid point to rounding is there once
     grid[-1] = knots[-1]

@@ -38,6 +38,25 @@ WEIGHT = 1e3  # of the penalty for those that take no constraints, in objectives
 SCANNED = 3  # of a front, its ends and its middle
 
 
+TEXT = """Hypervolumes are shares of one box a problem (its corners are in `benchmarks/methods.py`), after equal
+seconds of the processor: *proved* counts points that the audit proves, *as found* all that are feasible at the
+instants a tool looks at. IGD+ is to the best of all points of all tools, in shares of the box; of proved points.
+Medians over seeds, least and largest. MOEA/D of pymoo, and pygmo's, take no constraints: they get penalties.
+Objectives are scaled by the box. Each peer at the best of the populations below; ours has no setting. The scan of the
+ends and the middle of each front of a paper's problem contradicts {wrong} of the proofs.
+
+{rows}
+
+All that was tried:
+
+{tried}
+
+What it means: a front that is traced by Newton steps from point to point ends proved; what evolution finds is feasible
+where it looks and often broken between, which can make it look larger than any front there is. Peers are ahead where
+they fill a front with more points in a short time, or where a trace follows one of many local optima; and they need no
+derivatives."""
+
+
 class InBox(PymooProblem):
     """Objectives in shares of the row's box: decompositions weigh them against each other."""
 
@@ -186,22 +205,12 @@ def text(lines: Lines) -> str:
                 some = done(lines, subject=problem, tool=tool, setting=cell[1])
                 tried.append([problem, *cell, str(len(some)), spread([o["as found"] for o in some], ".4f")])
     wrong = sum(one.get("contradictions", 0) for one in done(lines))
-    return f"""Hypervolumes are shares of one box a problem (its corners are in `benchmarks/methods.py`), after equal seconds of the
-processor: *proved* counts points that the audit proves, *as found* all that are feasible at the instants a tool looks
-at. IGD+ is to the best of all points of all tools, in shares of the box; of proved points. Medians over seeds, least
-and largest. MOEA/D of pymoo, and pygmo's, take no constraints: they get penalties. Objectives are scaled by the box. Each at the best
-of the populations below; ours has no setting. The scan of the ends and the middle of each front contradicts {wrong or "none"} of the proofs.
-
-{table(("problem", "time", "tool", "seeds", "hypervolume, proved", "hypervolume, as found", "IGD+", "points proved",
-        "seconds, all in"), rows)}
-
-All that was tried:
-
-{table(("problem", "tool", "time, population", "seeds", "hypervolume, as found"), tried)}
-
-What it means: a front that is traced by Newton steps from point to point needs few evaluations and ends proved; what
-evolution finds is feasible where it looks, and mostly broken between, so that little of it can be proved. Peers are
-ahead where a front has gaps or many local optima that a trace follows, and they need no derivatives."""
+    head = (
+        "problem", "time", "tool", "seeds", "hypervolume, proved", "hypervolume, as found", "IGD+", "points proved",
+        "seconds, all in",
+    )  # fmt: skip
+    all_tried = table(("problem", "tool", "time, population", "seeds", "hypervolume, as found"), tried)
+    return TEXT.format(rows=table(head, rows), tried=all_tried, wrong=wrong or "none")
 
 
 def cited(lines: Lines) -> dict[str, tuple[str, str]]:
@@ -211,9 +220,8 @@ def cited(lines: Lines) -> dict[str, tuple[str, str]]:
         ours = done(lines, subject=problem, tool=OURS, setting="3 s")
         if ours:
             key = problem.replace(" ", "-")
-            found[f"fronts.{key}"] = (
-                median([one["hypervolume"] for one in ours], ".3f"), f"hypervolume of `{problem}` after 3 s, proved, median"
-            )
+            what = f"hypervolume of `{problem}` after 3 s, proved, median"
+            found[f"fronts.{key}"] = (median([one["hypervolume"] for one in ours], ".3f"), what)
     return found
 
 

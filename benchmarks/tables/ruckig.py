@@ -31,8 +31,8 @@ LIMITS = {  # quantities that are bounded, degree of our pieces
     "and torques": ((*THIRD, "effort"), 5),
     "and torques and snap": ((*THIRD, "effort", "snap"), 7),
 }
-CAN = (  # what each can bound, as its manual says
-    ("position on the way", "yes, since 0.15", "yes, proved"),
+CAN = (  # what each can bound, as its manual says; the first line was tried
+    ("position on the way", "no: it takes `max_position` and goes beyond it", "yes, proved"),
     ("velocity, acceleration, jerk", "yes, and at its optimum", "yes, proved"),
     ("snap", "no", "yes, proved"),
     ("torques, payload", "no", "yes, proved"),
@@ -59,7 +59,7 @@ def cells(quick: bool) -> Iterator[Cell]:
             yield Cell("ours", limits, "", seed)
             yield Cell("Ruckig", limits, BEST, seed)
     for setting in SETTINGS:
-        for seed in range(5 if quick else 20):
+        for seed in range(0 if setting == BEST else 5 if quick else 20):
             yield Cell("Ruckig", "up to jerk", setting, seed)
 
 
@@ -113,7 +113,7 @@ def text(lines: Lines) -> str:
         theirs = done(lines, tool="Ruckig", subject=limits, setting=BEST)
         rows.append([
             limits, f"{sum(one['proved'] for one in ours)} of {len(ours)}",
-            f"{sum(one['excess'] <= 1e-9 for one in theirs)} of {len(theirs)}",
+            f"{sum(one['excess'] <= 1e-9 and not one['jumps'] for one in theirs)} of {len(theirs)}",
             spread(_over(lines, "duration", limits), ".4f"), percent([one["excess"] for one in ours]),
             percent([one["excess"] for one in theirs]), median([one["cpu"] for one in ours]),
             median([1e6 * one["cpu"] for one in theirs]),
@@ -125,8 +125,21 @@ def text(lines: Lines) -> str:
     return f"""Random moves of a UR5, each joint within a radian of home. Ruckig is given the limits up to jerk, all it
 takes; its trajectories are then judged by all limits of the row.
 
-{table(("limits", "ours proved", "Ruckig within them by the scan", "duration, ours over Ruckig", "excess, ours",
-        "excess, Ruckig", "ours [s]", "Ruckig [us]"), rows)}
+{
+        table(
+            (
+                "limits",
+                "ours proved",
+                "Ruckig within them by the scan",
+                "duration, ours over Ruckig",
+                "excess, ours",
+                "excess, Ruckig",
+                "ours [s]",
+                "Ruckig [us]",
+            ),
+            rows,
+        )
+    }
 
 Settings of Ruckig's synchronisation, tried on the first row; the first is used above:
 

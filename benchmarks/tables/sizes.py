@@ -32,6 +32,26 @@ PIECES = 4  # of the move past obstacles: our choice
 JOBS = 16  # points of the front that workers share when quick, else 40
 NO_OPS = 200  # tasks that do nothing, by which Dask's overhead is measured
 MACHINES = (4, 16, 64, 256)  # workers of the reckoning on paper
+FITTED = ("cpu", "MB", "iterations")
+TEXT = """Via points: quintics of a UR5, a piece from point to point, limits up to jerk and on torques. Joints: a random
+move of a chain. Objectives: {points} points of a front of `hybrid-spline` with a free payload, where iterations are
+solves. Obstacles: a UR5's capsules past random balls.
+
+{rows}
+
+Exponents p of a fit size^p, sizes above 0:
+
+{fits}
+
+{workers}
+
+What it means: a path may be as long as one likes, as its cost is about in proportion; joints cost more than that once
+there are many, because torques are functions of all of them and are differentiated twice; objectives and obstacles cost
+little each. No peer is measured here: TOPP-RA and Ruckig grow in proportion too, from far less."""
+PAPER = """Beyond one machine, on paper: a task that does nothing takes Dask {each:.2g} ms, the jobs above take
+{jobs:.3g} s together and the process that asks {own:.3g} s, so that {tasks} tasks and n workers take no less than
+
+{paper}"""
 Solved = tuple[bool, float, float]  # proved, rows, iterations
 
 
@@ -160,14 +180,14 @@ def exponent(sizes: list[float], values: list[float]) -> float:
     return float(np.polyfit(x, y, 1)[0])
 
 
-def _axis(lines: Lines, axis: str) -> dict[int, dict[str, float]]:
+def by_size(lines: Lines, axis: str) -> dict[int, dict[str, float]]:
     """Medians by size."""
     found: dict[int, dict[str, float]] = {}
     for size in sorted({int(cell.setting) for cell, _ in lines.items(subject=axis)}):
         some = done(lines, subject=axis, setting=str(size))
         if some:
-            found[size] = {name: float(np.median([one[name] for one in some])) for name in ("cpu", "MB", "rows", "iterations")}
-            found[size] |= {"runs": len(some), "proved": sum(one["proved"] for one in some)}
+            found[size] = {"runs": len(some), "proved": sum(one["proved"] for one in some)}
+            found[size] |= {name: float(np.median([one[name] for one in some])) for name in FITTED}
     return found
 
 
@@ -175,27 +195,18 @@ def text(lines: Lines) -> str:
     """The section."""
     rows, fits = [], []
     for axis in AXES:
-        by = _axis(lines, axis)
+        by = by_size(lines, axis)
         for size, one in by.items():
             rows.append([axis, str(size), f"{one['runs']}", f"{one['cpu']:.3g}", f"{one['MB']:.0f}",
                          f"{one['iterations']:.0f}", f"{one['proved']} of {one['runs']}"])  # fmt: skip
         sizes = [float(size) for size in by]
-        fits.append([axis, *(f"{exponent(sizes, [one[name] for one in by.values()]):.2f}" for name in ("cpu", "MB"))])
-    return f"""Via points: quintics of a UR5, a piece from point to point, limits up to jerk and on torques. Joints: a random move of
-a chain. Objectives: {FRONT_POINTS} points of a front of `hybrid-spline` with a free payload, where iterations are solves.
-Obstacles: a UR5's capsules past random balls.
-
-{table(("of", "size", "runs", "seconds", "MB more", "iterations", "proved"), rows)}
-
-Exponents p of a fit size^p, sizes above 0:
-
-{table(("of", "seconds", "memory"), fits)}
-
-{_workers_text(lines)}
-
-What it means: a path may be as long as one likes, as its cost is about in proportion; joints cost more than in
-proportion, because torques are functions of all of them and are differentiated twice; objectives and obstacles cost
-little each. No peer is measured here: TOPP-RA and Ruckig grow in proportion too, from far less."""
+        if by:
+            powers = (exponent(sizes, [one[name] for one in by.values()]) for name in ("cpu", "MB"))
+            fits.append([axis, *("-" if np.isnan(power) else f"{power:.2f}" for power in powers)])
+    return TEXT.format(
+        points=FRONT_POINTS, rows=table(("of", "size", "runs", "seconds", "MB more", "iterations", "proved"), rows),
+        fits=table(("of", "seconds", "memory"), fits), workers=_workers_text(lines),
+    )  # fmt: skip
 
 
 def _workers_text(lines: Lines) -> str:
@@ -206,11 +217,11 @@ def _workers_text(lines: Lines) -> str:
     alone = [one["cpu"] for setting, some in by.items() if setting.startswith("0 ") for one in some]
     if not alone:
         return ""
-    rows = [
-        [setting, median([one["cpu"] for one in some]), median([float(np.median(alone)) / one["cpu"] for one in some], ".2f"),
-         median([one.get("wasted", 0.0) for one in some])]
-        for setting, some in by.items()
-    ]  # fmt: skip
+    base, rows = float(np.median(alone)), []
+    for setting, some in by.items():
+        gains = [base / one["cpu"] for one in some]
+        wasted = [one.get("wasted", 0.0) for one in some]
+        rows.append([setting, median([one["cpu"] for one in some]), median(gains, ".2f"), median(wasted)])
     found = f"""Workers, a front of `hybrid-spline` (0 of them: no workers at all):
 
 {table(("workers", "seconds", "times as fast", "seconds of jobs nobody asked for"), rows)}"""
@@ -222,19 +233,15 @@ def _workers_text(lines: Lines) -> str:
     tasks = int(list(by)[-1].split()[2])
     paper = [[str(n), f"{own + each * tasks + jobs / min(n, tasks):.3g}", f"{100 * each * tasks / (own + jobs):.1f} %"]
              for n in MACHINES]  # fmt: skip
-    return f"""{found}
-
-Beyond one machine, on paper: a task that does nothing takes Dask {1e3 * each:.2g} ms, the jobs above take {jobs:.3g} s together and
-the process that asks {own:.3g} s, so that {tasks} tasks and n workers take no less than
-
-{table(("workers", "seconds", "of the work, Dask's overhead"), paper)}"""
+    head = ("workers", "seconds", "of the work, Dask's overhead")
+    return f"{found}\n\n" + PAPER.format(each=1e3 * each, jobs=jobs, own=own, tasks=tasks, paper=table(head, paper))
 
 
 def cited(lines: Lines) -> dict[str, tuple[str, str]]:
     """Figures by key, with what they are."""
     found = {}
     for axis in AXES:
-        by = _axis(lines, axis)
+        by = by_size(lines, axis)
         power = exponent([float(size) for size in by], [one["cpu"] for one in by.values()])
         if np.isfinite(power):
             found[f"sizes.{axis.replace(' ', '-')}"] = (f"{power:.1f}", f"exponent of seconds in the number of {axis}")
@@ -245,8 +252,8 @@ def behind(lines: Lines) -> list[str]:
     """Where cost grows quicker than size."""
     words = []
     for axis in AXES:
-        by = _axis(lines, axis)
+        by = by_size(lines, axis)
         power = exponent([float(size) for size in by], [one["cpu"] for one in by.values()])
         if power > 1.2:
-            words.append(f"Seconds grow as the {power:.1f}th power of the number of {axis}, quicker than in proportion.")
+            words.append(f"Seconds grow as (number of {axis})^{power:.1f}, quicker than in proportion.")
     return words

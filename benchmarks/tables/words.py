@@ -75,7 +75,9 @@ def measured(lines: Lines, command: str) -> str:
         min(figures, key=lambda f: f["at"]), max(figures, key=lambda f: f["at"])
     )]  # fmt: skip
     busy = max(one["load"] for one in figures)
-    return f"`{command}`: {len(figures)} measurements, {stamps[0]} to {stamps[1]} UTC, load up to {busy:.1f}."
+    commits = ", ".join(dict.fromkeys(one.get("commit", "unknown") for one in figures))
+    when = f"{stamps[0]} to {stamps[1]} UTC, commit {commits}"
+    return f"`{command}`: {len(figures)} measurements, {when}, load up to {busy:.1f}."
 
 
 def subjects(lines: Lines, **wanted: Any) -> list[str]:
