@@ -94,8 +94,8 @@ def source_of_front(
     if not front.points:
         raise InputError(f"{name} has no points to show; give it more time, or another seed")
     audits: dict[int, Audit] = {}
-    for name in dict.fromkeys(point.alternative for point in front.points):
-        mine = [index for index, point in enumerate(front.points) if point.alternative == name]
+    for of in dict.fromkeys(point.alternative for point in front.points):
+        mine = [index for index, point in enumerate(front.points) if point.alternative == of]
         own = problem_of(front, front.points[mine[0]])
         audited = audit_points(own, [front.points[index].x for index in mine])
         audits |= {index: audit for index, (_, audit) in zip(mine, audited, strict=True)}
