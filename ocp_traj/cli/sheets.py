@@ -292,10 +292,10 @@ def front_remarks(front: Front) -> Iterator[str]:
     refined, known = front.info.get("points to refine", 0), front.info.get("genetic front", 0)
     if refined < known:
         yield f"{refined} points of the genetic front's {known} were to be refined; --points refines more"
-    for name, other in front.info.get("alternatives", {}).items():
-        beyond = other["points not dominated by the chosen front"]
-        if name != front.info.get("alternative") and beyond:
-            yield f"the front is that of {front.info['alternative']}; {beyond} points of {name} add to it: solve it too"
+    shares = {name: one["points of the front"] for name, one in front.info.get("alternatives", {}).items()}
+    if shares:
+        words = ", ".join(f"{count(n, 'point')} of {name}" for name, n in shares.items())
+        yield f"the front is of all alternatives: {words}"
 
 
 def payload_sheet(found: LargestPayload) -> Sheet:
