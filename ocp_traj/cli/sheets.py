@@ -289,6 +289,9 @@ def front_remarks(front: Front) -> Iterator[str]:
         yield f"{front.method} found nothing better than its first generation, which is what this front is made of"
     if front.info.get("conflict") is False:
         yield f"{' and '.join(front.objectives)} do not conflict here: one trajectory is best in both"
+    for name, size in front.info.get("unresolved", {}).items():
+        unit = front.problem.objective(name).unit
+        yield f"there are no more points: neighbours are within {size:g} {unit} in {name}, and it is told no finer"
     refined, known = front.info.get("points to refine", 0), front.info.get("genetic front", 0)
     if refined < known:
         yield f"{refined} points of the genetic front's {known} were to be refined; --points refines more"
