@@ -15,6 +15,7 @@ import json
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
@@ -25,7 +26,7 @@ from threadpoolctl import threadpool_limits
 from benchmarks.lines import Cell, Figures, Lines
 from benchmarks.machine import commit_of, machine, versions
 from benchmarks.pictures import DRAWN
-from benchmarks.sections import put
+from benchmarks.sections import RESULTS, ROW, put, section
 from benchmarks.tables.words import failures, measured
 from benchmarks.tables.words import table as markdown
 
@@ -38,8 +39,9 @@ HOW = """## Side by side: how it was measured
 first call to warm up are not. Every trajectory of every tool is judged by `benchmarks/judge.py`: a scan of 20 000
 instants of the tool's own evaluation, torques by pinocchio, and the audit of the same motion as Bezier pieces. Excess
 is relative to the limit. Peers are scripts of at most 60 lines in `benchmarks/peers/`, as their manuals write them.
-{sample}"""
-SAMPLE = "What follows is a small sample (`make bench-quick`); `make bench` measures more."
+Planning in clutter beside OMPL and TOPP-RA is a table of its own, `make bench-scenes SCENES=FOLDER`, and left out
+without a folder. {sample}"""
+SAMPLE = "Tables with `QUICK=1` are of a small sample, `make bench-quick`; `make bench` measures more."
 QUICK, WHOLE = ROOT / "runs" / "bench-quick", ROOT / "runs" / "bench"
 
 
@@ -93,25 +95,36 @@ def apart(name: str, cell: Cell) -> Figures:
     return found
 
 
-def page(folder: Path, quick: bool) -> None:
-    """Writes the sections of all tables that have lines, and those made of them all."""
-    cited, behind = {}, []
-    put("machine", HOW.format(machine=machine(), versions=versions(), sample=SAMPLE if quick else ""))
+def page(folders: Sequence[Path], target: Path = RESULTS) -> None:
+    """Writes the section of each table from the first folder that has lines of it, and the parts made of them all.
+
+    What is cited of other tables, and where they are behind, stays as it stands on the page.
+    """
+    found: dict[str, tuple[Any, Lines, bool]] = {}
     for name in TABLES:
-        lines = Lines(folder / f"{name}.jsonl")
-        if not lines.found:
-            continue
-        module = load(name)
-        picture = DRAWN[name](lines) if name in DRAWN else ""
+        for folder in folders:
+            if name not in found and (lines := Lines(folder / f"{name}.jsonl")).found:
+                found[name] = load(name), lines, folder == QUICK
+    some = any(quick for _, _, quick in found.values())
+    put("machine", HOW.format(machine=machine(), versions=versions(), sample=SAMPLE if some else ""), target)
+    for name, (module, lines, quick) in found.items():
         command = f"make bench-{name}" + (" QUICK=1" if quick else "")
+        picture = DRAWN[name](lines) if name in DRAWN else ""
         parts = (f"## {module.TITLE}", measured(lines, command), module.text(lines), picture, failures(lines))
-        put(name, "\n\n".join(filter(None, parts)))
-        cited.update(module.cited(lines))
-        behind += module.behind(lines)
-    put("behind", "## Behind\n\n" + "\n".join(f"* {line}" for line in behind))
-    put("cited", "## Figures that are cited\n\n" + markdown(
-        ("key", "figure", "what it is"), ([f"`{key}`", *words] for key, words in cited.items())
-    ))  # fmt: skip
+        put(name, "\n\n".join(filter(None, parts)), target)
+    old = [line for line in section("behind", target).splitlines() if line.startswith("* ")]
+    told = {name: [line for line in old if line.startswith(f"* {name}: ")] for name in TABLES}
+    told |= {
+        name: [f"* {name}: {words}" for words in module.behind(lines)] for name, (module, lines, _) in found.items()
+    }
+    put("behind", "## Behind\n\n" + "\n".join(line for lines in told.values() for line in lines), target)
+    rows = ROW.findall(section("cited", target))
+    kept = {key: words for key, *words in rows if key.partition(".")[0] not in found}
+    for module, lines, _ in found.values():
+        kept |= {key: list(words) for key, words in module.cited(lines).items()}
+    head = ("key", "figure", "what it is")
+    figures = markdown(head, ([f"`{key}`", *kept[key]] for key in sorted(kept)))
+    put("cited", f"## Figures that are cited\n\n{figures}", target)
 
 
 def main() -> None:
@@ -126,11 +139,13 @@ def main() -> None:
     if given.one:
         print(json.dumps(one(load(given.tables[0]), Cell(**json.loads(given.one)))))
         return
-    folder = given.lines or (QUICK if given.quick else WHOLE)
+    begun = time.perf_counter()
+    folders = (given.lines,) if given.lines else (QUICK, WHOLE) if given.quick else (WHOLE, QUICK)
     for name in TABLES if "all" in given.tables else given.tables:
         if name != "page":
-            measure(name, given.quick, folder, given.fresh)
-    page(folder, given.quick)
+            measure(name, given.quick, folders[0], given.fresh)
+    page(folders)
+    print(f"{RESULTS}: written after {time.perf_counter() - begun:.0f} s")
 
 
 if __name__ == "__main__":

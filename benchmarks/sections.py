@@ -15,7 +15,7 @@ from ocp_traj.files import write_text
 RESULTS = Path(__file__).resolve().parent / "RESULTS.md"
 TITLE = "# Results of the benchmarks"
 MARKER = re.compile(r"<!-- results: ([\w.-]+) -->")
-ROW = re.compile(r"^\| `([\w.-]+)` \| ([^|]+?) \|", flags=re.MULTILINE)
+ROW = re.compile(r"^\| `([\w.-]+)` \| ([^|]+?) \| ([^|]+?) \|$", flags=re.MULTILINE)  # key, figure, what it is
 
 
 def put(name: str, text: str, page: Path = RESULTS) -> None:
@@ -36,10 +36,18 @@ def put(name: str, text: str, page: Path = RESULTS) -> None:
     write_text(page, "\n\n".join(filter(None, parts)) + "\n")
 
 
+def section(name: str, page: Path = RESULTS) -> str:
+    """What stands in a section; empty where there is none."""
+    return _inside(page.read_text(encoding="utf-8"), name) if page.exists() else ""
+
+
+def _inside(text: str, name: str) -> str:
+    return text.partition(f"<!-- {name} -->")[2].partition(f"<!-- /{name} -->")[0]
+
+
 def cited_figures(page: str) -> dict[str, str]:
     """Figures of the page that may be cited, by key: the table of its section ``cited``."""
-    start, end = "<!-- cited -->", "<!-- /cited -->"
-    return dict(ROW.findall(page.partition(start)[2].partition(end)[0]))
+    return {key: figure for key, figure, _ in ROW.findall(_inside(page, "cited"))}
 
 
 def disagreements(document: str, figures: Mapping[str, str]) -> list[str]:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from benchmarks import bench
 from benchmarks.bench import TABLES
 from benchmarks.exact_curves import of_states, of_timed_path
 from benchmarks.judge import INSTANTS, Made, of_curve, scan
@@ -60,6 +61,38 @@ def test_a_line_that_was_cut_short_is_measured_again_and_the_last_one_counts(tmp
     known = Lines(path)
     assert [known.found[cell]["cpu"] for cell in (CELL, other)] == [2.0, 6.0]
     assert [one["cpu"] for one in known.of(repeat=4)] == [6.0]
+
+
+class OneTable:
+    """A table of one figure."""
+
+    TITLE = "One table"
+
+    def text(self, lines: Lines) -> str:
+        return f"it takes {lines.found[CELL]['cpu']} s"
+
+    def cited(self, lines: Lines) -> dict[str, tuple[str, str]]:
+        return {"guo.new": (f"{lines.found[CELL]['cpu']}", "seconds")}
+
+    def behind(self, lines: Lines) -> list[str]:
+        return ["slower"]
+
+
+def test_a_page_of_one_table_keeps_what_is_said_of_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page, folders = tmp_path / "page.md", (tmp_path / "whole", tmp_path / "quick")
+    put("ruckig", "the other table", page)
+    put("behind", "* ruckig: stays\n* guo: goes", page)
+    put("cited", "| `ruckig.x` | 3 | stays |\n| `guo.old` | 4 | goes |", page)
+    monkeypatch.setattr(bench, "load", lambda name: {"guo": OneTable()}[name])
+    Lines(folders[1] / "guo.jsonl").add(CELL, {"cpu": 1.5})
+    bench.page(folders, page)
+    text = page.read_text()
+    assert "it takes 1.5 s" in text and "the other table" in text
+    assert [line for line in text.splitlines() if line.startswith("* ")] == ["* ruckig: stays", "* guo: slower"]
+    assert cited_figures(text) == {"guo.new": "1.5", "ruckig.x": "3"}
+    Lines(folders[0] / "guo.jsonl").add(CELL, {"cpu": 2.5})
+    bench.page(folders, page)
+    assert cited_figures(page.read_text())["guo.new"] == "2.5"
 
 
 def test_peers_are_scripts_of_at_most_sixty_lines() -> None:

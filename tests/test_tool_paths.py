@@ -135,7 +135,11 @@ def test_a_line_is_solved_proved_exact_at_its_end_and_keeps_its_tolerances_in_a_
 
 
 SLOW: list[dict[str, Any]] = [
-    {"arc": {"via": (PLACE + [0.05, 0.1, -0.02]).tolist(), "to": (PLACE + [0.0, 0.2, -0.05]).tolist(), "with_arc": True}},
+    {
+        "arc": {
+            "via": (PLACE + [0.05, 0.1, -0.02]).tolist(), "to": (PLACE + [0.0, 0.2, -0.05]).tolist(), "with_arc": True,
+        }
+    },
     {"line": {"to": (PLACE + [0.0, 0.2, 0.1]).tolist(), "rpy": [3.1, 0.1, -1.4]}, "free_turn": True},
     {
         "poses": [
