@@ -70,3 +70,16 @@ def test_the_page_of_commands_has_all_of_them_with_options_that_they_have() -> N
     for name, line in rows.items():
         options = {option for parameter in known[name].params for option in parameter.opts}
         assert set(re.findall(r"(?<![\w-])--?[a-z][\w-]*", line)) <= options, name
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_files_and_targets_that_a_page_names_are_there(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    named = re.findall(r"`(?:python )?((?:ocp_traj|problems|solvers|benchmarks|tests|examples)/[\w/.-]*)[ `]", text)
+    modules = re.findall(r"python -m (benchmarks\.[\w.]+)", text)
+    targets = re.findall(r"`make ([\w-]+)", text)
+    rules = re.findall(r"^([\w -]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    known = {name for rule in rules for name in rule.split()}
+    assert not [name for name in named if not (ROOT / name).exists()]
+    assert not [name for name in modules if not (ROOT / (name.replace(".", "/") + ".py")).is_file()]
+    assert not [name for name in targets if name not in known]

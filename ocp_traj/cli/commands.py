@@ -490,10 +490,11 @@ def reproduce(
         with console.progress("reproducing") as progress:
             keep = ignore if folder is None else folder.keep
             found = run_reproduce(problem, seeds=seeds, progress=progress, keep=keep)
-    except KeyboardInterrupt:
-        if folder is None or not folder.leave():
-            raise
-        return console.interrupted(f"before all was done; {output} has what was finished")
+    except BaseException as reason:
+        left = folder is not None and folder.leave()
+        if left and isinstance(reason, KeyboardInterrupt):
+            return console.interrupted(f"before all was done; {output} has what was finished")
+        raise
     console.show(sheets.reproduction_sheet(found), json)
     if folder is not None:
         console.say(f"written: {output}")

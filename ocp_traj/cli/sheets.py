@@ -289,13 +289,16 @@ def front_remarks(front: Front) -> Iterator[str]:
         yield f"{front.method} found nothing better than its first generation, which is what this front is made of"
     if front.info.get("conflict") is False:
         yield f"{' and '.join(front.objectives)} do not conflict here: one trajectory is best in both"
+    for name, size in front.info.get("unresolved", {}).items():
+        unit = front.problem.objective(name).unit
+        yield f"there are no more points: neighbours are within {size:g} {unit} in {name}, and it is told no finer"
     refined, known = front.info.get("points to refine", 0), front.info.get("genetic front", 0)
     if refined < known:
         yield f"{refined} points of the genetic front's {known} were to be refined; --points refines more"
-    for name, other in front.info.get("alternatives", {}).items():
-        beyond = other["points not dominated by the chosen front"]
-        if name != front.info.get("alternative") and beyond:
-            yield f"the front is that of {front.info['alternative']}; {beyond} points of {name} add to it: solve it too"
+    shares = {name: one["points of the front"] for name, one in front.info.get("alternatives", {}).items()}
+    if shares:
+        words = ", ".join(f"{count(n, 'point')} of {name}" for name, n in shares.items())
+        yield f"the front is of all alternatives: {words}"
 
 
 def payload_sheet(found: LargestPayload) -> Sheet:

@@ -40,6 +40,7 @@ class Comparison:
         tolerance: half a unit of the last printed digit, and what the rounding of the paper's inputs adds [unit].
         verdict: of ``VERDICTS``.
         note: what explains it.
+        printed: the paper's number with all its digits; empty where it prints none.
     """
 
     table: str
@@ -51,6 +52,7 @@ class Comparison:
     tolerance: float
     verdict: str
     note: str = ""
+    printed: str = ""
 
 
 @dataclass(frozen=True)
@@ -133,13 +135,13 @@ class Reproduction:
 
 def _table(comparisons: Sequence[Comparison]) -> pd.DataFrame:
     """One table's comparisons; the paper's numbers with all their digits, whatever their size, and no empty column."""
-    rows = pd.DataFrame([asdict(c) for c in comparisons]).drop(columns="table")
-    for column in ("paper", "expected"):
-        values = [getattr(c, column) for c in comparisons]
-        if all(value is None for value in values):
+    rows = pd.DataFrame([asdict(c) for c in comparisons]).drop(columns=["table", "printed"])
+    expected = [None if c.expected is None else f"{c.expected:.12g}" for c in comparisons]
+    for column, texts in (("paper", [c.printed or None for c in comparisons]), ("expected", expected)):
+        if all(text is None for text in texts):
             rows = rows.drop(columns=column)
         else:
-            rows[column] = pd.Series([None if v is None else f"{v:.12g}" for v in values], dtype=object)
+            rows[column] = pd.Series(texts, dtype=object)
     return rows
 
 
@@ -202,7 +204,7 @@ def compare(
     verdict = AGREES if is_ours(printed, allowed) else DIFFERS
     if verdict == DIFFERS and should_read is not None and is_ours(should_read, half_unit(should_read) + slack):
         verdict = ERRATUM
-    return Comparison(table, item, float(printed), None, float(ours), unit, float(allowed), verdict, note)
+    return Comparison(table, item, float(printed), None, float(ours), unit, float(allowed), verdict, note, printed)
 
 
 @dataclass(frozen=True)

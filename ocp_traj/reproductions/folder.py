@@ -41,7 +41,8 @@ class ReproductionFolder:
         if self.root.exists() and (not self.root.is_dir() or any(self.root.iterdir())):
             what = "a folder that holds something already" if self.root.is_dir() else "a file"
             raise InputError(f"{cut(str(root))} is {what}; give a new folder, or remove it")
-        if not self.root.exists():
+        self._new = not self.root.exists()
+        if self._new:
             check_writable(self.root)  # says what is wrong with the place, before long work
             self.root.mkdir()
         self._written: dict[str, str] = {}
@@ -61,11 +62,12 @@ class ReproductionFolder:
         self._text(PAGE, page(found, list(tables), self.endings[0]))
 
     def leave(self) -> bool:
-        """Leaves what is written, and no folder where that is nothing; whether there is anything."""
-        if not any(self.root.iterdir()):
+        """Leaves what is written, and no new folder where that is nothing; whether there is anything."""
+        if any(self.root.iterdir()):
+            return True
+        if self._new:
             self.root.rmdir()
-            return False
-        return True
+        return False
 
     def _table(self, title: str, table: pd.DataFrame) -> None:
         place = f"{TABLES}/{stem(title)}"

@@ -169,7 +169,7 @@ def desired_path() -> Figure:
 @styled
 def costs(found: Descents, least: Mapping[str, float]) -> Figure:
     """Figure 7: the cost of the best individual over generations."""
-    figure = Figure(figsize=(5.2, 3.6))
+    figure = Figure(figsize=(6.4, 4.0))
     axes = figure.subplots()
     for index, (convention, runs) in enumerate(found.items()):
         band(axes, [run[:, 0] for run in runs], f"NSGA-II, {convention}, {_seeds(len(runs))}", index)

@@ -146,9 +146,10 @@ def figure_8(found: Generations, names: Sequence[str]) -> Figure:
     individuals.bar(np.arange(1, len(finite) + 1), finite, color=BLUE, width=0.9)
     individuals.set_xlabel("individual of the last front")
     individuals.set_ylabel("distance [-]")
-    for k, (name, colour) in enumerate(zip(names, (BLUE, ORANGE), strict=False)):
-        low, extent = found.values[:, k].min(), max(float(np.ptp(found.values[:, k])), 1e-300)
-        scores.hist((found.values[:, k] - low) / extent, bins=12, range=(0.0, 1.0), color=colour, alpha=0.6, label=name)
+    least, extent = found.values.min(axis=0), np.maximum(np.ptp(found.values, axis=0), 1e-300)
+    shares_of = list(((found.values - least) / extent).T)
+    scores.hist(shares_of, bins=8, range=(0.0, 1.0), color=[BLUE, ORANGE][: len(names)], label=list(names))
+    scores.set_ylim(top=1.35 * scores.get_ylim()[1])  # room for the legend
     scores.set_xlabel("score, as a share of its range [-]")
     scores.set_ylabel("individuals")
     scores.legend()

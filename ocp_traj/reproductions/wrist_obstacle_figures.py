@@ -129,7 +129,7 @@ def past_the_obstacle(both: Mapping[str, Motion], case: paper.ElHaiek2019) -> Fi
         above.plot(*way[:, :2].T, **line_style(i))
     first = next(iter(tips.values()))
     for place in first[np.linspace(0, len(first) - 1, LINKS).astype(int)]:
-        axes.plot(*np.stack([np.zeros(3), place]).T, color="0.55", linewidth=1.4)
+        axes.plot(*np.stack([np.zeros(3), place]).T, color="0.3", linewidth=1.6)
     u, v = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 25), np.linspace(0.0, np.pi, 13))
     for x, y, z, radius in case.obstacles:
         ball = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])
@@ -140,7 +140,7 @@ def past_the_obstacle(both: Mapping[str, Motion], case: paper.ElHaiek2019) -> Fi
     for axes_of, count in ((axes, 3), (above, 2)):
         axes_of.plot(*first[[0, -1], :count].T, linestyle="none", marker="s", color=GREEN, markersize=5)
     one_scale(axes, np.concatenate([first, np.zeros((1, 3)), np.array([[0.9, 0.9, 0.4]])]))
-    axes.view_init(elev=22.0, azim=-58.0)
+    axes.view_init(elev=25.0, azim=160.0)
     axes.set_title("(a) in space, the link at five instants", loc="left")
     _plane(above)
     key = [Line2D([], [], **line_style(i), label=f"tip, {name}") for i, name in enumerate(both)]
