@@ -160,6 +160,7 @@ class Evolution:
         last: individuals ``(N, n)`` of the last population; the least broken first, of those the best in the first
             objective.
         legs: frames in which it walked, see ``legs``; 0 where it searched in the problem's own variables.
+        start: from where it walked ``(n,)``; None where it did not.
     """
 
     best: Array
@@ -169,6 +170,7 @@ class Evolution:
     moved: bool
     last: Array
     legs: int = 0
+    start: Array | None = None
 
     def reached(self, value: float) -> int | None:
         """Evaluations after which the best value was at most this, or None."""
