@@ -19,11 +19,13 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import ruckig
 import toppra
 from numpy.typing import NDArray
 from toppra.algorithm import TOPPRA
@@ -56,11 +58,13 @@ LIMITS: dict[str, dict[str, Any]] = {
 
 
 def found_in(folder: Path) -> list[tuple[str, str, int]]:
-    """Robot, scene and number of all problems of a folder."""
+    """Robot, scene and number of all problems of a folder: the first of each kind of scene, the second of each, .."""
+    kinds = [sorted(kind.glob("scene*.yaml")) for robot in LIMITS for kind in sorted((folder / robot).glob("*/"))]
     return [
-        (robot, scene.parent.name, int(scene.stem.removeprefix("scene")))
-        for robot in LIMITS
-        for scene in sorted((folder / robot).glob("*/scene*.yaml"))
+        (scene.parent.parent.name, scene.parent.name, int(scene.stem.removeprefix("scene")))
+        for some in zip_longest(*kinds)
+        for scene in some
+        if scene is not None
     ]
 
 
@@ -148,6 +152,17 @@ def retimed(path: Array, speed: Array, acceleration: Array) -> float:
     return float("nan") if found is None else float(found.duration)
 
 
+def unobstructed(start: Array, goal: Array, *limits: Array) -> float:
+    """The least duration from rest to rest with nothing in the way (Ruckig): what no motion of a scene is below."""
+    asked = ruckig.InputParameter(len(start))
+    asked.current_position, asked.target_position = start.tolist(), goal.tolist()
+    asked.max_velocity, asked.max_acceleration, asked.max_jerk = (limit.tolist() for limit in limits)
+    found = ruckig.Trajectory(len(start))
+    if ruckig.Ruckig(len(start)).calculate(asked, found) not in (ruckig.Result.Working, ruckig.Result.Finished):
+        return float("nan")
+    return float(found.duration)
+
+
 class Setting:
     """One problem as a task file in a folder of its own, and its cell by code of the benchmark."""
 
@@ -165,7 +180,8 @@ class Setting:
         write_text(self.task, made.text)
         problem = problems.load("task", file=str(self.task))
         self.joints, (self.start, self.goal) = problem.robot.joints, np.array(problem.case.move[0].via)
-        self.speed, self.acceleration = (np.array(problem.robot.limits.bounds(order)[1]) for order in (1, 2))
+        bounds = [np.broadcast_to(problem.robot.limits.bounds(order)[1], self.start.shape) for order in (1, 2, 3)]
+        self.speed, self.acceleration, self.jerk = bounds
         self.cell = Cell(SphereRobot(urdf, srdf, self.joints), files[0])
 
     def solved(self, word: str, start: str, seconds: float, tries: int) -> dict[str, Any]:
@@ -191,6 +207,7 @@ class Setting:
         if path is None:
             return row
         row["toppra"] = retimed(path, self.speed, self.acceleration)
+        row["unobstructed"] = unobstructed(self.start, self.goal, self.speed, self.acceleration, self.jerk)
         lines = [",".join(self.joints), *(",".join(map(repr, point)) for point in path.tolist())]
         write_text(self.task.parent / "path.csv", "\n".join(lines) + "\n")
         return row | self.solved("from ompl", "path.csv", seconds, 1)
@@ -207,7 +224,7 @@ def measured(part: str, folder: Path, place: tuple[str, str, int], seconds: floa
 
 COLUMNS = {
     "robot": "", "scene": "", "number": 0, "own": None, "own s": np.nan, "own time": np.nan, "own least": np.nan,
-    "ompl": None, "ompl s": np.nan, "toppra": np.nan, "from ompl": None, "from ompl s": np.nan,
+    "ompl": None, "ompl s": np.nan, "toppra": np.nan, "unobstructed": np.nan, "from ompl": None, "from ompl s": np.nan,
     "from ompl time": np.nan, "from ompl least": np.nan,
 }  # fmt: skip
 
@@ -225,6 +242,8 @@ def report(rows: Sequence[dict[str, Any]]) -> bool:
                 f"  {word}: {len(done)} of {len(tried)} solved and proved, in {done[f'{word} s'].median():.1f} s in "
                 f"the median; duration over that of TOPP-RA on OMPL's path: median {ratio.median():.3f} of {len(ratio)}"
             )
+        bound = (part["unobstructed"] / part["toppra"]).dropna()
+        print(f"  least with nothing in the way over that of TOPP-RA: median {bound.median():.3f} of {len(bound)}")
         asked = part[part["ompl"].notna()]
         print(f"  OMPL: {int(asked['ompl'].eq(True).sum())} of {len(asked)}, in {asked['ompl s'].median():.1f} s")
     for row in rows:
@@ -261,8 +280,8 @@ def main() -> None:
         place = row["robot"], row["scene"], row["number"]
         parts.add((row.pop("part"), *place))
         done.setdefault(place, {}).update(row)
-    for part in asked.parts.split(","):
-        for place in wanted[asked.offset :: asked.every]:
+    for place in wanted[asked.offset :: asked.every]:
+        for part in asked.parts.split(","):
             if (part, *place) in parts:
                 continue
             row = dict(zip(("robot", "scene", "number"), place, strict=True))

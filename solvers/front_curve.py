@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ocp_traj.arrays import Array
+from ocp_traj.arrays import Array, Flags
 from ocp_traj.formulation.scalarise import EpsilonConstraint
 from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.front_points import FrontPoints
@@ -58,6 +58,10 @@ class FrontCurve:
         while (left := front.wanted - len(front)) > 0:
             gaps = self._widest(span, closed)
             if not gaps:
+                near = self._near(np.sort(front.values, axis=0)).any(axis=0)
+                front.unresolved = {
+                    n: float(r) for n, r, is_near in zip(front.names, front.resolution, near, strict=True) if is_near
+                }
                 return
             # Those that are likely to be next are begun by workers that have nothing else to do. Which one is taken,
             # and what is asked of it, does not depend on that.
@@ -74,14 +78,20 @@ class FrontCurve:
         order = np.argsort(front.values[:, 0])
         values = front.values[order]
         areas = (np.abs(np.diff(values, axis=0)) / span).prod(axis=1)
+        near = self._near(values).any(axis=1)
         extent = np.ptp(values, axis=0).tobytes()
         gaps = []
         for i in np.argsort(-areas, kind="stable").tolist():
             pair = front.solutions[order[i]], front.solutions[order[i + 1]]
             gap = _Gap(*pair, (float(values[i, 0]), float(values[i + 1, 0])), extent)
-            if areas[i] > NARROW and gap.ends not in closed:
+            if areas[i] > NARROW and not near[i] and gap.ends not in closed:
                 gaps.append(gap)
         return gaps
+
+    def _near(self, values: Array) -> Flags:
+        """In which objectives neighbours are as near as these are told ``(N - 1, 2)``."""
+        resolution = self.front.resolution
+        return np.asarray((np.abs(np.diff(values, axis=0)) <= resolution) & (resolution > 0.0))
 
     def _halved(self, gap: _Gap, span: Array) -> Request:
         """What to solve for a point in the middle of a gap."""

@@ -39,6 +39,8 @@ class FrontPoints:
         population: evaluates the objectives.
         solutions, values: the points, ``values (N, m)``.
         conflict: whether there is anything to trade.
+        resolution: to which objectives are told ``(m,)``.
+        unresolved: in which objectives neighbours are too near each other for a point between them.
     """
 
     def __init__(
@@ -54,6 +56,8 @@ class FrontPoints:
         self.solutions: list[Solution] = []
         self.values = np.empty((0, len(objectives)))
         self.conflict = True
+        self.resolution = np.array([problem.objective(name).resolution for name in objectives])
+        self.unresolved: dict[str, float] = {}
 
     def __len__(self) -> int:
         return len(self.solutions)

@@ -104,6 +104,8 @@ class FrontTracer:
             info |= {"points by time scaling": surface.dilations, "unreachable": surface.unreachable}
         if not front.conflict:
             info["conflict"] = False
+        if front.unresolved:
+            info["unresolved"] = front.unresolved
         if not complete:
             info[ENDED_AFTER] = f"{len(front)} of {self.points} points"
         if ends.tried and not ends.unsolved:

@@ -15,6 +15,9 @@ from ocp_traj.results.trajectory import audit_points
 from ocp_traj.solvers import feasible_descent
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.feasible_descent import FeasibleDescent, descends
+from ocp_traj.transcription.derivative_peaks import derivative_peaks
+from ocp_traj.transcription.transcription import transcribe
+from ocp_traj.transcription.worst_instants import lowest_instants
 
 TIME = WeightedSum({"time": 1.0})
 TASK = """
@@ -70,7 +73,7 @@ def test_a_polyline_with_stops_is_straight_at_rest_at_corners_and_as_quick_as_it
 def test_a_planned_start_is_proved_and_a_descent_leads_to_a_better_one_that_is(
     problem: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(feasible_descent, "STEPS", 9)
+    monkeypatch.setattr(feasible_descent, "STEPS", 2)
     x = problem.guess(np.random.default_rng([0, 0]))
     ((first, audit),) = audit_points(problem, [x])
     assert audit.proved, audit.explain()
@@ -81,15 +84,39 @@ def test_a_planned_start_is_proved_and_a_descent_leads_to_a_better_one_that_is(
     assert found.f < 0.8 * float(first.curve.duration)
 
 
+def test_distances_to_first_order_are_those_at_a_point_and_their_slopes_there(problem: Problem) -> None:
+    x = problem.guess(np.random.default_rng([0, 0]))
+    instants = [i for i in lowest_instants(problem, x, 3.0) if i.limit == problem.chosen_limits[0].id]
+    assert len(instants) > 20
+    exact, linear = (transcribe(problem, TIME, instants, about=about).program for about in (None, x))
+    assert np.abs(exact.values(x)[1] - linear.values(x)[1]).max() < 1e-12
+    step = np.random.default_rng(1).normal(size=problem.size) * np.where(problem.upper > problem.lower, 1.0, 0.0)
+    ends = [np.subtract(*(p.values(x + sign * 1e-6 * step)[1] for sign in (1.0, -1.0))) / 2e-6 for p in (exact, linear)]
+    assert np.abs(ends[0]).max() > 0.1 and np.abs(ends[0] - ends[1]).max() < 1e-5 * np.abs(ends[0]).max()
+
+
+def test_peaks_of_derivatives_are_what_no_sample_inside_a_segment_exceeds(problem: Problem) -> None:
+    x = problem.guess(np.random.default_rng([0, 0]))
+    curve = problem.curve(x)
+    limits = {limit.id: limit for limit in problem.requirements.path_constraints if limit.order}
+    found = derivative_peaks(problem, x, 0.3)
+    assert {i.limit for i in found} <= set(limits) and len(found) > 3
+    for instant in found:
+        limit, (row,) = limits[instant.limit], instant.rows or (0,)
+        # At a turning point the next derivative is zero, against its size on the segment.
+        along = curve.at(instant.segment, np.array([instant.u, *np.linspace(0.0, 1.0, 51)]), int(limit.order or 0) + 1)
+        assert abs(along[0, row]) < 1e-6 * np.abs(along[1:, row]).max()
+
+
 def test_a_descent_that_is_stopped_has_what_it_has_proved(problem: Problem) -> None:
     x = problem.guess(np.random.default_rng([0, 0]))
 
     def stop(done: int, total: int, words: str) -> None:
-        if done == 2:
+        if done == 1:
             raise KeyboardInterrupt
 
     found = FeasibleDescent(problem, TIME, stop).solve(x)
-    assert found is not None and found.interrupted == "after 2 steps of descent"
+    assert found is not None and found.interrupted == "after 1 steps of descent"
     assert found.audit is not None and found.audit.proved
     assert found.f < float(problem.curve(x).duration)
 

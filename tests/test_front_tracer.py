@@ -121,6 +121,15 @@ def test_objectives_that_do_not_conflict_leave_no_gap_to_fill() -> None:
     assert float(found.xs[0][0]) == pytest.approx(Quintic().least_time, rel=1e-8)
 
 
+def test_a_gap_as_narrow_as_an_objective_is_told_is_not_filled_and_that_is_said() -> None:
+    problem = quintic_problem()
+    told = tuple(replace(one, resolution=0.3) if one.id == "time" else one for one in problem.objectives)
+    found = FrontTracer(points=40).pareto(replace(problem, objectives=told), ["time", "effort"])
+    steps = np.diff(np.sort(np.array(found.xs).ravel()))
+    assert 3 < len(found.xs) < 40 and found.info["unresolved"] == {"time": 0.3}
+    assert steps.max() <= 0.3 and steps.min() > 1e-3
+
+
 THREE = ["time", "first", "second"]
 
 

@@ -2,6 +2,7 @@
 
 import json
 from math import comb
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -44,6 +45,7 @@ from ocp_traj.results.trajectory import Trajectory
 from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.transcription.symbolic import evaluate_objectives
 from tests.paper_column import foreign
+from tests.reproduction_folder import check_folder
 
 # --- tables ---
 
@@ -191,7 +193,7 @@ def test_jumps_at_tags_are_those_put_there() -> None:
 
 
 @pytest.mark.slow
-def test_the_reproduction_has_every_table_and_is_plain_json(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reproduction_has_every_table_and_is_plain_json(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in (("POPULATION", 40), ("GENERATIONS", 30), ("POINTS", 4)):
         monkeypatch.setattr(module, name, value)
     found = reproduce("weld-bezier", seeds=1)
@@ -210,6 +212,9 @@ def test_the_reproduction_has_every_table_and_is_plain_json(monkeypatch: pytest.
     assert float(worth.loc["jump of snap at the tags, of its largest value"].map(float).max()) < 1e-9
     first, twice = module.signed_torques(*_air_move())
     assert twice < first
+    left_out = {f"Figure {n}" for n in (1, 2, 3, 4, 5, 6, 7, 13)}
+    made = {f"Figure {n}": 6 for n in range(8, 22) if n != 13}
+    check_folder(found, tmp_path, monkeypatch, made, left_out)
 
 
 def _air_move() -> tuple[Problem, Solution]:

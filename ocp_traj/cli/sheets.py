@@ -289,6 +289,9 @@ def front_remarks(front: Front) -> Iterator[str]:
         yield f"{front.method} found nothing better than its first generation, which is what this front is made of"
     if front.info.get("conflict") is False:
         yield f"{' and '.join(front.objectives)} do not conflict here: one trajectory is best in both"
+    for name, size in front.info.get("unresolved", {}).items():
+        unit = front.problem.objective(name).unit
+        yield f"there are no more points: neighbours are within {size:g} {unit} in {name}, and it is told no finer"
     refined, known = front.info.get("points to refine", 0), front.info.get("genetic front", 0)
     if refined < known:
         yield f"{refined} points of the genetic front's {known} were to be refined; --points refines more"
@@ -349,9 +352,13 @@ def import_sheet(found: Imported, target: Path) -> Sheet:
 
 
 def reproduction_sheet(found: Reproduction) -> Sheet:
-    """A paper's tables beside ours."""
-    tables = [
-        (title, [str(name) for name in table.columns], table.to_numpy(dtype=object).tolist())
-        for title, table in found.tables.items()
-    ]
+    """A paper's tables beside ours, the figures, and the verdicts at the end."""
+    from ocp_traj.reproductions.readable import cell, readable
+
+    tables: list[Rows] = []
+    for title, table in [*found.tables.items(), ("Verdicts", found.summary)]:
+        text = readable(table)
+        tables.append((title, list(text.columns), text.to_numpy(dtype=object).tolist()))
+    figures = [[one.listed.number, one.listed.shows, cell(one.made), one.words] for one in found.figures]
+    tables.insert(-1, ("Figures", ["figure", "shows", "made", "of, or why not"], figures))
     return Sheet(found.to_dict(), tables)

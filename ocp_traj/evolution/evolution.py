@@ -159,6 +159,8 @@ class Evolution:
             is as good as in every objective, to ``SAME``.
         last: individuals ``(N, n)`` of the last population; the least broken first, of those the best in the first
             objective.
+        champions: decision vectors ``(generations, n)`` of the best feasible individual so far in the first objective;
+            NaN where there is none.
         legs: frames in which it walked, see ``legs``; 0 where it searched in the problem's own variables.
         start: from where it walked ``(n,)``; None where it did not.
     """
@@ -169,6 +171,7 @@ class Evolution:
     interrupted: bool
     moved: bool
     last: Array
+    champions: Array
     legs: int = 0
     start: Array | None = None
 
@@ -200,6 +203,7 @@ def evolve(
     rows: list[tuple[int, float, float]] = []
     least = np.nan
     champion: Array | None = None
+    champions: list[Array] = []
     begun_with = np.empty((0, target.n_obj))
 
     def feasible() -> Array:
@@ -223,6 +227,7 @@ def evolve(
                     least = float(f[met].min())
                     champion = np.array(x[met][np.argmin(f[met])], dtype=float)
                 rows.append((target.individuals, least, float(excess.min())))
+                champions.append(np.full(target.problem_size, np.nan) if champion is None else champion)
                 if len(rows) == 1:
                     begun_with = feasible()
                 now = time.perf_counter()
@@ -243,7 +248,10 @@ def evolve(
         best = champion[None] if champion is not None else np.empty((0, target.problem_size))
     history = pd.DataFrame(rows, columns=["evaluations", "best", "violation"]).rename_axis("generation")
     moved = gains_on(feasible(), begun_with)
-    return Evolution(best, history, time.perf_counter() - begun, interrupted, moved, _last(algorithm, target))
+    return Evolution(
+        best, history, time.perf_counter() - begun, interrupted, moved, _last(algorithm, target),
+        np.reshape(champions, (len(rows), target.problem_size)),
+    )  # fmt: skip
 
 
 def gains_on(values: Array, on: Array) -> bool:
@@ -297,7 +305,7 @@ def front_of(
         "moved": run.moved,
         **({"legs": run.legs} if run.legs else {}),
     }
-    return ParetoSet(list(run.best), method, seed, run.seconds, info, run.interrupted)
+    return ParetoSet(list(run.best), method, seed, run.seconds, info, run.interrupted, run.champions)
 
 
 def ended_after(run: Evolution, generations: int) -> dict[str, str]:

@@ -150,7 +150,7 @@ def evolved(
         return evolve(make(first), target, generations, seed, left, progress, before, found=found)
     rng = np.random.default_rng([seed, 2])
     walk = Walk(target, [start], len(first), rng)
-    began, histories, done = walk.f, [], 0
+    began, histories, champions, done = walk.f, [], [], 0
     while True:
 
         def shown(generation: int, _: int | None, words: str, offset: int = done) -> None:
@@ -166,15 +166,19 @@ def evolved(
         run = evolve(make(members), walk.target, leg, seed + walk.legs, left, shown, told, found=found)
         walk.add(run.best)
         histories.append(run.history)
+        champions.append(run.champions)
         done += len(run.history)
         if run.interrupted or done >= generations or time.perf_counter() - begun >= max_seconds:
             break
     history = pd.concat(histories, ignore_index=True).rename_axis("generation")
-    history["best"] = np.fmin.accumulate(history["best"])
+    best = np.fmin.accumulate(history["best"])
+    # A leg that found nothing better than the ones before it goes on with their champion.
+    better = np.maximum.accumulate(np.where(history["best"] <= best, np.arange(len(best)), 0))
+    history["best"] = best
     target.seconds, target.calls, target.individuals = (
         getattr(walk.target, name) for name in ("seconds", "calls", "individuals")
     )
     return Evolution(
         walk.xs, history, time.perf_counter() - begun, run.interrupted and done < generations,
-        gains_on(walk.f, began), walk.target.meant(run.last), walk.legs, start,
+        gains_on(walk.f, began), walk.target.meant(run.last), np.concatenate(champions)[better], walk.legs, start,
     )  # fmt: skip

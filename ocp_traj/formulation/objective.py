@@ -72,6 +72,7 @@ class Objective:
         of_variables: (x, p) -> scalar.
         variation: of the state, linear in q; the objective is the total variation of its rows, sum_r int |dg_r/dt| dt.
         terms: {objective id: factor}, a fixed sum of other objectives.
+        resolution: differences of values up to this are none, such as of one that is told short of what it is.
     """
 
     id: str
@@ -85,6 +86,7 @@ class Objective:
     terms: Mapping[str, float] | None = None
     variation: Expression | None = None
     constants: Array | None = None
+    resolution: float = 0.0
 
     def __post_init__(self) -> None:
         """Checks that the objective is given in exactly one way."""

@@ -28,11 +28,16 @@ def clear_polyline(ways: Ways, leg: int, most: int, rng: np.random.Generator) ->
     Returns:
         None where none was found of so few edges.
     """
-    space, given = ways.space(ways.points[leg], ways.points[leg + 1], step=STEP), ways.given(leg)
+    ends = ways.points[leg], ways.points[leg + 1]
+    space, given = ways.space(*ends, step=STEP), ways.given(leg)
+    vain: set[float] = set()
     for _ in range(ATTEMPTS):
-        path = ways.planned(leg, rng) if given is None else given
+        path = ways.planned(leg, rng, False, vain) if given is None else given
         path = None if path is None else _mended(space, path, rng)
-        if path is not None and (given is None or len(path) - 1 > most):
+        if path is not None and given is None:  # what is cut off is looked at less closely, and may have to be mended
+            short = _mended(space, shortened(ways.space(*ends), path, rng), rng)
+            path = _pruned(space, path if short is None else short)
+        elif path is not None and len(path) - 1 > most:
             path = _pruned(space, path)
         if path is not None and len(path) - 1 > most:
             path = _mended(space, shortened(space, path, rng, PASSES), rng)

@@ -144,7 +144,10 @@ def with_clearance(
         variables=(*problem.variables, margin),
         curve=_of_first(problem.curve, n),
         parameters=lambda x: casadi.vertcat(parameters(x[:n]), x[n]),
-        objectives=(*problem.objectives, Objective(CLEARANCE, "m", SCALE, "max", of_variables=lambda x, p: x[n])),
+        objectives=(
+            *problem.objectives,
+            Objective(CLEARANCE, "m", SCALE, "max", of_variables=lambda x, p: x[n], resolution=RESERVE),
+        ),
         requirements=requirements,
         guess=lambda rng: np.append(guess(rng), asked),
         dilate=dilate and (lambda x, s: np.append(dilate(x[:n], s), x[n:])),

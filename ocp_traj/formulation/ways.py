@@ -71,10 +71,20 @@ class Ways:
                 found.append((short, motion.duration, len(found), motion))
         return min(found)[3] if found else None
 
-    def planned(self, leg: int, rng: np.random.Generator) -> Array | None:
-        """A way ``(W, n)`` from one via point to the next, shortened; None where none was found."""
+    def planned(
+        self, leg: int, rng: np.random.Generator, short: bool = True, vain: set[float] | None = None
+    ) -> Array | None:
+        """A way ``(W, n)`` from one via point to the next; None where none was found.
+
+        Args:
+            leg: from which via point.
+            rng: of what is random.
+            short: whether it is shortened.
+            vain: rooms not to look for again, to which those are added in which there was no way.
+        """
+        vain = set() if vain is None else vain
         start, goal = self.points[leg], self.points[leg + 1]
-        for room in ROOMS:
+        for room in (room for room in ROOMS if room not in vain):
             space = self.space(start, goal, room)
             if self.planner == OMPL:
                 from ocp_traj.paths.ompl_planner import ompl_path  # an extra that few have
@@ -83,7 +93,9 @@ class Ways:
             else:
                 path = connect(space, start, goal, rng, MOST if room == 0.0 else MOST // 4)
             if path is not None:
-                return shortened(space, path, rng)
+                return shortened(space, path, rng) if short else path
+            if room:
+                vain.add(room)
         return None
 
     def given(self, leg: int) -> Array | None:

@@ -11,7 +11,7 @@ from ocp_traj.formulation.chosen import ChosenLimit
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.transcription.instant_values import InstantValues, lines, moved_places
 from ocp_traj.transcription.instants import Instant
-from ocp_traj.transcription.kernel import Kernel, chosen_kernel
+from ocp_traj.transcription.kernel import Kernel, chosen_kernel, linear_kernel
 from ocp_traj.transcription.shape import Shape, ShapeAt, shape_of
 
 
@@ -37,6 +37,17 @@ class ChosenValues(InstantValues):
         if self.together is not None:
             return self.together.constants_at(shape)[id(self)]
         return self.limit.constants_at(q, self.rows)
+
+    def linear(self, problem: Problem, shape: ShapeAt) -> InstantValues:
+        """The rows to first order in the joints and the parameters, about those at one x."""
+        at = self.at(shape)
+        slopes = at.slopes_in_posture
+        place = np.concatenate([self.postures(shape), shape.parameters[self.segments]], axis=1)
+        rest = at.values[:, :1] - (slopes * place).sum(axis=1, keepdims=True)
+        constants = np.concatenate([rest, slopes], axis=1)
+        return InstantValues(
+            self.shape, linear_kernel(problem), self.segments, self.u, slopes=self.slopes, constants=constants
+        )
 
     def postures(self, shape: ShapeAt) -> Array:
         """The postures ``(N, dof)`` at one x."""

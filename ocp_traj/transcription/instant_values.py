@@ -199,6 +199,16 @@ class InstantValuesAt:
         self.values = kernel.values(self._arguments)
 
     @cached_property
+    def slopes_in_posture(self) -> Array:
+        """Derivatives of the first row in q and the parameters ``(N, dof + n_p)``, of a function of these alone."""
+        kernel, dof = self.of.kernel, self.of.shape.dof
+        found, known = np.zeros((len(self.u), dof + self.shape.parameters.shape[1])), kernel.first(self._arguments)
+        if 0 in kernel.orders:
+            found[:, :dof] = known[:, 0, :dof]
+        found[:, dof:][:, : kernel.parameters.stop - kernel.parameters.start] = known[:, 0, kernel.parameters]
+        return found
+
+    @cached_property
     def _further(self) -> tuple[Array, Array]:
         """The basis two orders higher, and derivatives in local time with it."""
         raised = self.of.basis(self.u, max(self.of.kernel.orders, default=0) + 2)

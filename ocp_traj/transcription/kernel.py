@@ -165,3 +165,17 @@ def chosen_kernel(problem: Problem, limit: ChosenLimit, row: int) -> Kernel:
         limit.kernels[key] = Kernel(state_function(limit.id, *key, limit.number), requirements.dof)
     kernel: Kernel = limit.kernels[key]
     return kernel
+
+
+def linear_kernel(problem: Problem) -> Kernel:
+    """The kernel of c_0 + c_q . q + c_p . p, its constants c ``(1 + dof + n_p,)``, compiled once."""
+
+    def build() -> Kernel:
+        dof, count = problem.requirements.dof, len(problem.requirements.parameters)
+        sizes = {"s": len(ORDERS) * dof, "u": 1, "p": count, "c": 1 + dof + count}
+        states, place, p, c = (casadi.SX.sym(name, size) for name, size in sizes.items())
+        value = c[0] + casadi.dot(c[1:], casadi.vertcat(states[:dof], p))
+        return Kernel(casadi.Function("linear", [states, place, p, c], [value]), dof)
+
+    kernel: Kernel = problem.cached("linear kernel", build)
+    return kernel

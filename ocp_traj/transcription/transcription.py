@@ -23,7 +23,7 @@ from ocp_traj.transcription.instant_values import InstantValues
 from ocp_traj.transcription.instants import Instant, step_nodes
 from ocp_traj.transcription.nlp import NLP
 from ocp_traj.transcription.scalar_objective import ScalarObjective
-from ocp_traj.transcription.shape import shape_of
+from ocp_traj.transcription.shape import ShapeAt, shape_of
 from ocp_traj.transcription.symbolic import degrees, evaluate_objectives, variations
 from ocp_traj.transcription.symbolic_nlp import symbolic_nlp
 
@@ -31,8 +31,9 @@ BACK_OFF = 1e-9  # tightening of every path limit, in its own scale: our choice;
 
 
 def transcribe(
-    problem: Problem, scalarisation: Scalarisation, instants: Sequence[Instant], back_off: float = BACK_OFF
-) -> NLP:
+    problem: Problem, scalarisation: Scalarisation, instants: Sequence[Instant], back_off: float = BACK_OFF,
+    about: Array | None = None,
+) -> NLP:  # fmt: skip
     """Builds the NLP of a problem, with one objective and its limits imposed at ``instants``.
 
     Args:
@@ -40,6 +41,8 @@ def transcribe(
         scalarisation: many objectives to one.
         instants: where each path limit is imposed.
         back_off: tightening of the path limits, in units of their scale.
+        about: where limits whose constants are chosen are taken to first order in the joints ``(n,)``; None for as
+            they are.
 
     Returns:
         An NLP over x, over the scalarisation's extra variable if it has one, and over the steps of total variations.
@@ -47,7 +50,7 @@ def transcribe(
     """
     check_names(problem, scalarisation)
     scalar = _scalar(problem, scalarisation)
-    table = _Table(problem)
+    table = _Table(problem, None if about is None else shape_of(problem).at(about))
     steps = [table.steps(objective, instants) for objective in variations(problem, scalarisation.names)]
     for limit in problem.path_limits:
         members = [instant for instant in instants if instant.limit == limit.id]
@@ -148,6 +151,7 @@ class _Table:
     """Rows of an NLP with their bounds, as they are collected."""
 
     problem: Problem
+    about: ShapeAt | None
     lower: list[float] = field(default_factory=list)
     upper: list[float] = field(default_factory=list)
     rows: list[Row] = field(default_factory=list)
@@ -210,7 +214,8 @@ class _Table:
             chosen = chosen_values(self.problem, limit, entry.tolist(), [members[j] for _, j in entries])
             for some, values in chosen:
                 count = np.arange(len(some))
-                self.parts.append(Rows(values, rows[some], count, np.zeros_like(count), factor[some]))
+                kept = values if self.about is None else values.linear(self.problem, self.about)
+                self.parts.append(Rows(kept, rows[some], count, np.zeros_like(count), factor[some]))
         elif limit.order is None:
             self.parts.append(Rows(InstantValues.of(self.problem, limit.id, members), rows, instant, entry, factor))
         else:
