@@ -17,7 +17,7 @@ METHODS ?= runs/methods.jsonl
 
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help front test test-slow test-browser kill resume-kill fuzz fuzz-clearance interrupts bench-speed bench-arms bench-ruckig bench-toppra bench-clearance bench-vias bench-workers bench-methods bench-scenes bench-guo coverage lint clean
+.PHONY: help front test test-slow test-browser kill resume-kill fuzz fuzz-clearance interrupts bench bench-quick bench-page bench-toppra bench-ruckig bench-guo bench-fronts bench-collocation bench-clearance bench-sizes bench-scenes bench-speed bench-arms bench-workers bench-methods coverage docs lint clean
 
 help:
 	@echo "make front      install, trace a first Pareto front into $(FIRST_RUN)"
@@ -32,15 +32,16 @@ help:
 	@echo "make interrupts Ctrl-C at MOMENTS (20) random moments of every method; takes hours"
 	@echo "make bench-speed times beside those of an earlier commit: benchmarks/RESULTS.md; half an hour, on a quiet machine"
 	@echo "make bench-arms a random move of every arm of example-robot-data, solved and proved, or why not; half a minute"
-	@echo "make bench-ruckig random moves of a UR5 beside Ruckig's optimum: durations, proofs, seconds; minutes"
-	@echo "make bench-toppra random paths of a UR5 beside TOPP-RA: durations, proofs, excess, seconds; ten minutes"
-	@echo "make bench-clearance a proof of clearances beside coal at 10 000 instants; some 10 s"
-	@echo "make bench-guo Guo's 100 random starts by SLSQP and by IPOPT: costs, iterations, seconds; two minutes"
+	@echo "make bench      all tables beside what people would use instead, into benchmarks/RESULTS.md; hours, and goes on"
+	@echo "                where it was stopped; a table a target: bench-toppra, -ruckig, -guo, -fronts, -collocation,"
+	@echo "                -clearance, -sizes, and -scenes with SCENES=FOLDER; QUICK=1 for a small sample of it"
+	@echo "make bench-quick a small sample of all of them but the scenes, into the page; five minutes on a quiet machine"
+	@echo "make bench-page the page from what was measured so far"
 	@echo "make bench-workers what two and four workers save, by a clock of its own; half an hour"
-	@echo "make bench-vias what 10, 100 and 1000 via points cost; minutes"
 	@echo "make bench-methods every method on six problems, 20 s and 60 s each, into METHODS; an hour, and goes on"
 	@echo "make bench-scenes SCENES=FOLDER problems of MotionBenchMaker in clutter beside OMPL and TOPP-RA; hours, and goes on"
 	@echo "                where it was stopped"
+	@echo "make docs       the documentation, into build/site"
 	@echo "make lint       ruff, and mypy on the installed package"
 	@echo "make clean      remove $(VENV), builds and caches; runs/ stays"
 
@@ -85,22 +86,17 @@ bench-speed: $(VENV)/.installed-dev
 bench-arms: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.arms
 
-bench-ruckig: $(VENV)/.installed-dev
-	$(INSTALL) --editable ".[bench]"
-	$(BIN)/python -m benchmarks.ruckig_moves
+# Each table is measured into a file of lines, and goes on where it was stopped; FRESH=1 begins anew.
+bench: bench-toppra bench-ruckig bench-guo bench-fronts bench-collocation bench-clearance bench-sizes bench-scenes
 
-bench-toppra: $(VENV)/.installed-dev
-	$(INSTALL) --editable ".[bench]"
-	$(BIN)/python -m benchmarks.toppra_paths
+bench-quick: $(VENV)/.installed-bench
+	$(BIN)/python -m benchmarks.bench all --quick $(if $(FRESH),--fresh)
 
-bench-clearance: $(VENV)/.installed-dev
-	$(BIN)/python -m benchmarks.clearances
+bench-page: $(VENV)/.installed-bench
+	$(BIN)/python -m benchmarks.bench page $(if $(QUICK),--quick)
 
-bench-guo: $(VENV)/.installed-dev
-	$(BIN)/python -m benchmarks.guo_starts $(OPTIONS)
-
-bench-vias: $(VENV)/.installed-dev
-	$(BIN)/python -m benchmarks.via_points
+bench-toppra bench-ruckig bench-guo bench-fronts bench-collocation bench-clearance bench-sizes: $(VENV)/.installed-bench
+	$(BIN)/python -m benchmarks.bench $(@:bench-%=%) $(if $(QUICK),--quick) $(if $(FRESH),--fresh)
 
 bench-methods: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.methods $(METHODS) $(OPTIONS)
@@ -124,6 +120,14 @@ lint: $(VENV)/.installed-dev
 	$(INSTALL) --no-deps --target $(VENV)/plain .
 	cd $(VENV)/plain && ../bin/python -m mypy --config-file "$(CURDIR)/pyproject.toml" --cache-dir ../mypy_cache -p ocp_traj
 
+# The API pages read the package as a user gets it, with problems and solvers in it, and import nothing.
+docs: $(VENV)/.installed-dev
+	rm -rf build/source build/site
+	mkdir -p build/source
+	cp -r ocp_traj build/source
+	cp -r problems solvers build/source/ocp_traj
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .coverage .coverage.* coverage.xml htmlcov
 	find ocp_traj problems solvers tests -type d -name __pycache__ -prune -exec rm -rf {} +
@@ -137,6 +141,13 @@ $(VENV)/.installed-dev: pyproject.toml $(VENV)/.made
 	@echo "Installing ocp-traj, what it needs and the test tools into $(VENV): 1.9 GB on the disk, once ..."
 	$(INSTALL) --editable ".[dev]"
 	@touch $(VENV)/.installed $@
+
+# crocoddyl's wheel works with the pinocchio of today, but asks for descriptions of robots of an older one.
+$(VENV)/.installed-bench: pyproject.toml $(VENV)/.installed-dev
+	@echo "Installing what is measured against ..."
+	$(INSTALL) --editable ".[bench]"
+	-$(INSTALL) --no-deps "crocoddyl==3.2.1" "libcrocoddyl==3.2.1"
+	@touch $@
 
 $(VENV)/.made:
 	@command -v $(PYTHON) >/dev/null \

@@ -144,6 +144,7 @@ class Cell:
             "points": len(front),
             "dropped": front.info["dropped"],
             "front's ideal": front.ideal,
+            "values": front.values.tolist(),
             "info": {key: front.info[key] for key in keys if key in front.info},
         }
 

@@ -23,13 +23,12 @@ from importlib.metadata import distributions
 from pathlib import Path
 from queue import SimpleQueue
 
+from benchmarks.sections import put
 from benchmarks.speed_table import BUDGETS, METHODS, ROWS, SIZES, Figures, report
 
 ROOT = Path(__file__).resolve().parent.parent
 BEFORE = "e0d53f0"
-RESULTS = ROOT / "benchmarks" / "RESULTS.md"
 MEASURED = ("ocp_traj", "problems", "solvers", "benchmarks/speed_rows.py")
-START, END = "<!-- speed -->", "<!-- /speed -->"  # of this script's part of it
 
 
 @dataclass(frozen=True)
@@ -150,15 +149,6 @@ def _git(*words: str) -> str:
     return subprocess.run(["git", *words], cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
 
 
-def write(part: str) -> None:
-    """Puts this script's part in its place, and leaves the others as they are."""
-    part = f"{START}\n{part}\n{END}"
-    text = RESULTS.read_text() if RESULTS.exists() else "# Results of the benchmarks\n"
-    head, _, rest = text.partition(START)
-    tail = rest.partition(END)[2].lstrip("\n")
-    RESULTS.write_text("\n\n".join(filter(None, (head.rstrip(), part, tail.rstrip()))) + "\n")
-
-
 def main() -> None:
     """Measures what is missing and writes the table."""
     names = ["front", *(row.name for row in ROWS), "equal"]
@@ -176,10 +166,10 @@ def main() -> None:
     bench = Bench(given.baseline.resolve(), given.fresh)
     repeat_long = given.repeat if given.repeat_long is None else given.repeat_long
     command = " ".join(["python -m benchmarks.speed", *sys.argv[1:]])
-    write(report(bench.found, command, BEFORE, _now()))
+    put("speed", report(bench.found, command, BEFORE, _now()))
     for together in plan(rows, given.repeat, repeat_long, given.seeds):
         bench.measure(together)
-        write(report(bench.found, command, BEFORE, _now()))
+        put("speed", report(bench.found, command, BEFORE, _now()))
 
 
 if __name__ == "__main__":

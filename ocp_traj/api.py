@@ -22,7 +22,7 @@ from ocp_traj.io.store import Run, request
 from ocp_traj.parallel.choice import workers_for
 from ocp_traj.parallel.workers import Workers
 from ocp_traj.progress import Progress, silent
-from ocp_traj.results.alternatives import best_front
+from ocp_traj.results.alternatives import merged_front
 from ocp_traj.results.front import Front, Point
 from ocp_traj.results.histories import histories
 from ocp_traj.results.limit_gains import limit_gains
@@ -379,7 +379,8 @@ def _pareto(
         options["max_seconds"] = budget
     if problem.alternatives:
         options.pop("max_seconds", None)
-        return _best_front(
+        return _merged_front(
+            problem,
             {
                 name: partial(
                     pareto, alternative, objectives, method=method, seed=seed, keep_unproved=keep_unproved,
@@ -414,8 +415,8 @@ def _of_alternative(found: Found, name: str, record: Record) -> None:
     found({**record, "alternative": name})
 
 
-def _best_front(runs: Mapping[str, Callable[..., Front]], budget: float | None) -> Front:
-    """The front of the alternative that dominates most of the box of all; ``info`` says what the others have.
+def _merged_front(problem: Problem, runs: Mapping[str, Callable[..., Front]], budget: float | None) -> Front:
+    """The front of all alternatives; ``info`` says what each has given.
 
     Each gets an even share of what the ones before it have left of the budget.
     """
@@ -433,7 +434,7 @@ def _best_front(runs: Mapping[str, Callable[..., Front]], budget: float | None) 
     if not fronts:
         stop.check()
         raise reasons[0]
-    best = best_front(fronts, runs)
+    best = merged_front(problem, fronts, runs)
     ended = [f"{front.info[ENDED_AFTER]} of {name}" for name, front in fronts.items() if ENDED_AFTER in front.info]
     ended += [f"nothing of {name}" for name in runs if name not in fronts and stop.interrupted]
     info = {**best.info, "interrupted": stop.tell()}

@@ -58,7 +58,7 @@ class FrontCurve:
         while (left := front.wanted - len(front)) > 0:
             gaps = self._widest(span, closed)
             if not gaps:
-                near = self._near(np.sort(front.values, axis=0)).any(axis=0)
+                near = np.asarray(self._near(np.sort(front.values, axis=0)).any(axis=0))
                 front.unresolved = {
                     n: float(r) for n, r, is_near in zip(front.names, front.resolution, near, strict=True) if is_near
                 }
@@ -78,7 +78,7 @@ class FrontCurve:
         order = np.argsort(front.values[:, 0])
         values = front.values[order]
         areas = (np.abs(np.diff(values, axis=0)) / span).prod(axis=1)
-        near = self._near(values).any(axis=1)
+        near = np.asarray(self._near(values).any(axis=1))
         extent = np.ptp(values, axis=0).tobytes()
         gaps = []
         for i in np.argsort(-areas, kind="stable").tolist():

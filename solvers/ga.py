@@ -18,7 +18,8 @@ from pymoo.operators.selection.tournament import TournamentSelection
 
 from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.evolution.evolution import Evolution, PymooProblem, evolve, single_objective, solution_of
+from ocp_traj.evolution.evolution import Evolution, PymooProblem, single_objective, solution_of
+from ocp_traj.evolution.legs import evolved
 from ocp_traj.formulation.case import check, choice, count, share
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
@@ -90,14 +91,18 @@ class GA:
         """The run on one objective; Ctrl-C ends it early with what it has."""
         rng = np.random.default_rng(self.seed)
         target = PymooProblem(problem, [name], self.per_segment, self.handling, refine=True, scaling=self.scaling)
-        algorithm = PymooGA(
-            pop_size=self.population,
-            sampling=np.array([problem.guess(rng) for _ in range(self.population)]),
-            selection=TournamentSelection(pressure=self.tournament, func_comp=fittest),
-            crossover=SinglePointCrossover(prob=self.crossover),
-            mutation=_Anywhere(self.mutation),
-        )
-        return evolve(algorithm, target, self.generations, self.seed, self.max_seconds, self.progress), target
+        first = np.array([problem.guess(rng) for _ in range(self.population)])
+
+        def algorithm(first: Array) -> Any:
+            return PymooGA(
+                pop_size=self.population,
+                sampling=first,
+                selection=TournamentSelection(pressure=self.tournament, func_comp=fittest),
+                crossover=SinglePointCrossover(prob=self.crossover),
+                mutation=_Anywhere(self.mutation),
+            )
+
+        return evolved(algorithm, target, first, self.generations, self.seed, self.max_seconds, self.progress), target
 
     @one_blas_thread
     def solve(self, problem: Problem, scalarisation: Scalarisation) -> Solution:

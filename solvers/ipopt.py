@@ -6,6 +6,7 @@ Waechter and Biegler (2006), Mathematical Programming 106(1). Of the linear solv
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -82,6 +83,8 @@ class _AfterIteration(casadi.Callback):
 
 
 _AFTER_ITERATION = _AfterIteration()  # CasADi does not keep it alive
+# CasADi lets other threads run meanwhile, and the MUMPS of its wheels, built for one, may then never end.
+_ONE_AT_A_TIME = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -182,8 +185,9 @@ class Ipopt:
         bounds = {"lbx": nlp.lower_x, "ubx": nlp.upper_x, "lbg": nlp.lower_g, "ubg": nlp.upper_g}
         with stopping() as stop:
             stop.check()
-            result = solver(x0=x0, **bounds, **multipliers)
-            stats = solver.stats()
+            with _ONE_AT_A_TIME:
+                result = solver(x0=x0, **bounds, **multipliers)
+                stats = solver.stats()
             raise_failures(evaluations)
             if not _STATUS.get(stats["return_status"], Status.FAILED).ok:
                 stop.check()  # what ended well is kept, even if time is over

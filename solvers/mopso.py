@@ -17,7 +17,8 @@ from pymoo.core.sampling import Sampling
 
 from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.evolution.evolution import PymooProblem, evolve, front_of
+from ocp_traj.evolution.evolution import PymooProblem, front_of
+from ocp_traj.evolution.legs import evolved
 from ocp_traj.formulation.case import check, choice, count
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent
@@ -83,14 +84,15 @@ class MOPSO:
         """The archive's feasible points; Ctrl-C ends it early with those it has."""
         rng = np.random.default_rng(self.seed)
         target = PymooProblem(problem, objectives, self.per_segment, "dominated", dilate=self.dilate)
-        start = np.array([problem.guess(rng) for _ in range(self.population)])
-        if self.variant == "crowding":
-            algorithm = MOPSO_CD(
-                pop_size=self.population, sampling=_Given(start), archive_size=self.archive, seed=self.seed
-            )
-        else:
-            algorithm = CompetitiveSwarm(
-                pop_size=self.population, sampling=start, elite_size=max(10, self.population // 10)
-            )
-        run = evolve(algorithm, target, self.generations, self.seed, self.max_seconds, self.progress, found=self.found)
+        first = np.array([problem.guess(rng) for _ in range(self.population)])
+        run = evolved(
+            self._algorithm, target, first, self.generations, self.seed, self.max_seconds, self.progress,
+            found=self.found,
+        )  # fmt: skip
         return front_of(run, target, problem, "mopso", self.seed, self.population, self.generations)
+
+    def _algorithm(self, first: Array) -> Any:
+        """As pymoo has it, from a first generation."""
+        if self.variant == "crowding":
+            return MOPSO_CD(pop_size=self.population, sampling=_Given(first), archive_size=self.archive, seed=self.seed)
+        return CompetitiveSwarm(pop_size=self.population, sampling=first, elite_size=max(10, self.population // 10))

@@ -8,14 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pymoo.algorithms.moo.nsga2 import NSGA2 as PymooNSGA2
 from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.pm import PM
 
+from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.evolution.evolution import PymooProblem, evolve, front_of
+from ocp_traj.evolution.evolution import PymooProblem, front_of
+from ocp_traj.evolution.legs import evolved
 from ocp_traj.formulation.case import check, count, number, share
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent
@@ -61,11 +64,18 @@ class NSGA2:
         """The last generation's non-dominated feasible individuals; Ctrl-C ends it early with those it has."""
         rng = np.random.default_rng(self.seed)
         target = PymooProblem(problem, objectives, self.per_segment, dilate=self.dilate)
-        algorithm = PymooNSGA2(
+        first = np.array([problem.guess(rng) for _ in range(self.population)])
+        run = evolved(
+            self._algorithm, target, first, self.generations, self.seed, self.max_seconds, self.progress,
+            found=self.found,
+        )  # fmt: skip
+        return front_of(run, target, problem, "nsga2", self.seed, self.population, self.generations)
+
+    def _algorithm(self, first: Array) -> Any:
+        """As pymoo has it, from a first generation."""
+        return PymooNSGA2(
             pop_size=self.population,
-            sampling=np.array([problem.guess(rng) for _ in range(self.population)]),
+            sampling=first,
             crossover=SBX(prob=self.crossover, eta=self.crossover_index),
             mutation=PM(prob=1.0, prob_var=self.mutation, eta=self.mutation_index),
         )
-        run = evolve(algorithm, target, self.generations, self.seed, self.max_seconds, self.progress, found=self.found)
-        return front_of(run, target, problem, "nsga2", self.seed, self.population, self.generations)

@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 from pymoo.algorithms.soo.nonconvex.pso import PSO as PymooPSO
 
+from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.evolution.evolution import Evolution, PymooProblem, evolve, single_objective, solution_of
+from ocp_traj.evolution.evolution import Evolution, PymooProblem, single_objective, solution_of
+from ocp_traj.evolution.legs import evolved
 from ocp_traj.formulation.case import check, choice, count, number, share
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
@@ -107,19 +109,24 @@ class PSO:
         rng = np.random.default_rng(self.seed)
         target = PymooProblem(problem, [name], self.per_segment, self.handling, self.weight, refine=True)
         schedule = SCHEDULES[self.schedule]
-        algorithm = PymooPSO(
-            pop_size=self.population,
-            sampling=np.array([problem.guess(rng) for _ in range(self.population)]),
-            adaptive=schedule is None,
-            pertube_best=schedule is None,
-            max_velocity_rate=self.max_velocity,
-        )
+        first = np.array([problem.guess(rng) for _ in range(self.population)])
+
+        def algorithm(first: Array) -> Any:
+            return PymooPSO(
+                pop_size=self.population,
+                sampling=first,
+                adaptive=schedule is None,
+                pertube_best=schedule is None,
+                max_velocity_rate=self.max_velocity,
+            )
 
         def before(swarm: Any, iteration: int) -> None:
             if schedule is not None:
                 swarm.w, swarm.c1, swarm.c2 = schedule(iteration / self.generations, rng.random())
 
-        return evolve(algorithm, target, self.generations, self.seed, self.max_seconds, self.progress, before), target
+        return evolved(
+            algorithm, target, first, self.generations, self.seed, self.max_seconds, self.progress, before
+        ), target
 
     @one_blas_thread
     def solve(self, problem: Problem, scalarisation: Scalarisation) -> Solution:

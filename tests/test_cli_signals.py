@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import re
 import signal
 import subprocess
 import sys
+import termios
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -250,19 +252,18 @@ def test_a_file_beyond_what_a_sane_one_holds_is_not_read_to_its_end(
 
 
 def test_a_pipe_is_read_to_its_end(strange: Path) -> None:
+    both_ends = os.open("fifo", os.O_RDWR)  # so that the writer need not wait for a reader
+
     def write() -> None:
         with open("fifo", "w") as pipe:
             pipe.write(json.dumps(MOTION)[:50])
             pipe.flush()
-            time.sleep(0.1)
+            while int.from_bytes(fcntl.ioctl(both_ends, termios.FIONREAD, bytes(4)), sys.byteorder):
+                time.sleep(0.01)  # until it is read, and the reader waits for more
+            os.close(both_ends)
             pipe.write(json.dumps(MOTION)[50:])
 
     writer = threading.Thread(target=write)
-    keep_open = os.open("fifo", os.O_RDWR)  # so that the writer need not wait for a reader
     writer.start()
-    time.sleep(0.05)
-    reading = threading.Timer(0.1, lambda: os.close(keep_open))
-    reading.start()
     assert run(["audit", "fifo", "--limits", "limits.toml"]) == 0
     writer.join()
-    reading.join()

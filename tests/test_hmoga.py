@@ -372,10 +372,10 @@ def test_the_tolerance_is_overlooked_in_a_generation() -> None:
 @pytest.mark.slow
 def test_it_comes_within_one_percent_of_trace(hybrid: Problem) -> None:
     traced = ot.pareto(hybrid, PAIR)
-    front = ot.pareto(hybrid, PAIR, method="hmoga", generations=100)
+    front = ot.pareto(hybrid, PAIR, method="hmoga", generations=30)
     ideal = {name: min(front.ideal[name], traced.ideal[name]) for name in PAIR}
     assert front.hypervolume(ideal=ideal).value >= 0.99 * traced.hypervolume(ideal=ideal).value
-    unrefined = NSGA2(0, population=200, generations=100).pareto(hybrid, PAIR)
+    unrefined = NSGA2(0, population=200, generations=30).pareto(hybrid, PAIR)
     assert front.info["evaluations"] == unrefined.info["evaluations"]
 
 

@@ -14,7 +14,6 @@ from ocp_traj.evolution.evolution import PymooProblem
 from ocp_traj.evolution.population import Population
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import WeightedSum
-from ocp_traj.results.alternatives import best_front
 from ocp_traj.results.front import Front
 from ocp_traj.results.pareto_set import ParetoSet
 from ocp_traj.results.trajectory import audit_points
@@ -175,16 +174,6 @@ def test_where_nothing_is_feasible_and_what_makes_no_sense_is_refused() -> None:
         Memetic(0, outer="de")
     with pytest.raises(InputError, match="local_share is 1.5; give a finite number from 0 to 1"):
         Memetic(0, local_share=1.5)
-
-
-def test_alternatives_whose_fronts_have_no_box_are_compared_all_the_same() -> None:
-    """One point each, at the reference itself in an objective: there is no volume, and no reason to fail."""
-    problem = quintic_problem()
-    slowest = problem.reference_point["time"]
-    fronts = {
-        name: Front.of(problem, PAIR, [np.array([slowest])], method="", seed=None, seconds=0.0) for name in ("a", "b")
-    }
-    assert best_front(fronts, fronts).info["alternatives"]["b"]["hypervolume"] == 0.0
 
 
 # --- one objective ---

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import ocp_traj as ot
+from examples import hand_movements as fifth_paper
 from examples import own_robot
 from ocp_traj.cli.commands import run
 from ocp_traj.cli.sheets import problem_sheet
@@ -18,7 +19,6 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint, Requirements
 from ocp_traj.io.export import trajectory_table
 from ocp_traj.results.trajectory import case_fields
-from tests import fifth_paper
 from tests.closed_form import Quintic, quintic_problem
 
 
@@ -85,32 +85,32 @@ def _with(problem: Problem, *limits: PathConstraint) -> Problem:
 def fifth(monkeypatch: pytest.MonkeyPatch) -> None:
     """A paper's file, registered for one test."""
     monkeypatch.setattr(registry, "_registered", {})
-    ot.register("fifth-paper", fifth_paper.build, fifth_paper.Case)
+    ot.register("hand-movements", fifth_paper.build, fifth_paper.Case)
 
 
 def test_another_paper_is_one_file_and_one_line(fifth: None, tmp_path: Path, capsys: Any) -> None:
-    assert ot.problems.names()[-1] == "fifth-paper"
-    assert run(["solve", "fifth-paper", "--set", "goal=0.1,0.1", "-o", str(tmp_path / "t.json")]) == 0
+    assert ot.problems.names()[-1] == "hand-movements"
+    assert run(["solve", "hand-movements", "--set", "goal=0.1,0.1", "-o", str(tmp_path / "t.json")]) == 0
     assert run(["audit", str(tmp_path / "t.json")]) == 0
     assert run(["problems", "--json"]) == 0 and "hand movements of least jerk" in capsys.readouterr().out
     assert run(["export", str(tmp_path / "t.json"), "--format", "csv"]) == 0
     assert "x jerk [m/s3]" in (tmp_path / "t.export.csv").read_text()
-    problem = ot.problems.load("fifth-paper")
+    problem = ot.problems.load("hand-movements")
     case = problem.case
     exact = 0.5 * 720.0 * float(np.sum(np.subtract(case.goal, case.start) ** 2)) / case.duration**5
     assert ot.solve(problem).objectives["jerk"] == pytest.approx(exact, rel=1e-8)
-    with pytest.raises(InputError, match="fifth-paper: goal is 'a,b'; give 2 numbers"):
-        ot.problems.load("fifth-paper", goal="a,b")
+    with pytest.raises(InputError, match="hand-movements: goal is 'a,b'; give 2 numbers"):
+        ot.problems.load("hand-movements", goal="a,b")
     with pytest.raises(InputError, match="duration is -1.0 s; give a finite number above zero"):
-        ot.problems.load("fifth-paper", duration=-1.0)
-    with pytest.raises(InputError, match="there is a problem 'fifth-paper' already"):
-        ot.register("fifth-paper", fifth_paper.build, fifth_paper.Case)
+        ot.problems.load("hand-movements", duration=-1.0)
+    with pytest.raises(InputError, match="there is a problem 'hand-movements' already"):
+        ot.register("hand-movements", fifth_paper.build, fifth_paper.Case)
 
 
 def test_problems_of_other_packages_appear_by_their_entry_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry, "_of_other_packages", lambda: {"fifth-paper": "tests.fifth_paper"})
-    assert "fifth-paper" in ot.problems.names()
-    assert type(ot.problems.load("fifth-paper").case) is fifth_paper.FlashHogan1985
+    monkeypatch.setattr(registry, "_of_other_packages", lambda: {"hand-movements": "examples.hand_movements"})
+    assert "hand-movements" in ot.problems.names()
+    assert type(ot.problems.load("hand-movements").case) is fifth_paper.FlashHogan1985
     assert registry.GROUP == "ocp_traj.problems"
 
 
@@ -157,9 +157,9 @@ def test_a_problem_by_module_and_function_is_loaded_with_its_case(monkeypatch: p
         return quintic_problem()
 
     monkeypatch.setattr(fifth_paper, "without_case", without_case, raising=False)
-    assert ot.problems.load("tests.fifth_paper:without_case").id == "quintic"
+    assert ot.problems.load("examples.hand_movements:without_case").id == "quintic"
     assert ot.problems.load(OWN, payload=1).case == own_robot.Case(1.0)
-    assert ot.problems.load("tests.fifth_paper:build", duration=1.0).case.duration == 1.0
+    assert ot.problems.load("examples.hand_movements:build", duration=1.0).case.duration == 1.0
     assert OWN not in ot.problems.names() and ot.problems.known(OWN)
     with pytest.raises(InputError, match="has no case field 'mass'"):
         ot.problems.load(OWN, mass=1.0)

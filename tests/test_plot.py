@@ -15,7 +15,8 @@ from ocp_traj.errors import FileFormatError, InputError
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint, Requirements
 from ocp_traj.io import plot
-from ocp_traj.io.plot import plot_front, plot_trajectory, pretty
+from ocp_traj.io.plot import plot_front, plot_trajectory
+from ocp_traj.io.plot_style import LIMIT, pretty
 from ocp_traj.results.front import Front
 from ocp_traj.results.trajectory import Trajectory
 
@@ -167,14 +168,14 @@ def test_the_values_are_the_limits_and_the_knots_are_marked(figures: list[Figure
     (lines,) = [c for c in axes.collections if c.get_label() == "knots"]
     knots = [float(path.vertices[0, 0]) for path in lines.get_paths()]
     assert knots == approx([0.0, 1.0, 2.0])
-    red = [x for x in axes.lines if x.get_color() == plot.LIMIT and x.get_linestyle() == "-"]
+    red = [x for x in axes.lines if x.get_color() == LIMIT and x.get_linestyle() == "-"]
     outside = np.asarray(red[0].get_ydata(), dtype=float)
     assert np.nanmin(outside) > 0.75 and np.nanmax(outside) == approx(1.0)
 
 
 def test_what_meets_its_limit_has_no_red_part(figures: list[Figure], tmp_path: Path) -> None:
     plot_trajectory(*line(1.5), tmp_path / "t.png")
-    assert not [x for x in visible(figures[0])[0].lines if x.get_color() == plot.LIMIT and x.get_linestyle() == "-"]
+    assert not [x for x in visible(figures[0])[0].lines if x.get_color() == LIMIT and x.get_linestyle() == "-"]
 
 
 def test_a_constant_is_not_blown_up_to_its_rounding(figures: list[Figure], tmp_path: Path) -> None:

@@ -27,3 +27,7 @@ def test_the_first_python_block_is_the_example() -> None:
 def test_the_block_below_is_what_the_example_prints() -> None:
     run = subprocess.run([sys.executable, EXAMPLE], capture_output=True, text=True, check=True, cwd=ROOT)
     assert run.stdout == section("In Python")[1]
+
+
+def test_it_is_read_in_a_minute() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 120

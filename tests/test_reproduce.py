@@ -1,6 +1,7 @@
 """The comparisons with the papers: the verdicts themselves, and what they say of Guo et al. (2016)."""
 
 import json
+from pathlib import Path
 
 import casadi
 import numpy as np
@@ -13,7 +14,7 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.problems import hybrid_robot
 from ocp_traj.problems import hybrid_spline as paper
 from ocp_traj.reproductions import hybrid_spline_tables as tables
-from ocp_traj.reproductions.comparison import Comparison, Sheet, compare, half_unit, rounding_effect
+from ocp_traj.reproductions.comparison import Comparison, Run, Sheet, compare, half_unit, rounding_effect
 from ocp_traj.reproductions.hybrid_spline import optimum, payloads, reported
 from ocp_traj.reproductions.hybrid_spline_errata import (
     MISPRINTS,
@@ -36,6 +37,7 @@ from ocp_traj.reproductions.hybrid_spline_tables import (
 from ocp_traj.reproductions.reproduce import Reproduction, names, reproduce
 from ocp_traj.transcription.symbolic import evaluate_objectives
 from tests.paper_column import foreign
+from tests.reproduction_folder import check_folder
 
 LITERAL = "paper-literal"
 
@@ -218,7 +220,9 @@ def test_tool_cannot_point_along_the_tangent() -> None:
 
 def test_table_7_is_no_minimum(literal: Problem) -> None:
     sheet = Sheet()
-    run = optimum(sheet, literal)
+    runs: list[Run] = []
+    optimum(sheet, runs, literal)
+    (run,) = runs
     assert run.verdict == "proved" and run.objectives["cost [-]"] == approx(2.957317, abs=5e-7)
     (slope,) = [c for c in sheet.comparisons if c.item.startswith("dFc/dh")]
     assert slope.verdict == "differs" and abs(slope.ours) > 10.0 * slope.tolerance
@@ -268,7 +272,7 @@ def test_payload_of_the_paper_breaks_the_limit_of_f3_at_rest(hybrid: Problem, li
 
 
 @pytest.mark.slow
-def test_whole_paper_with_one_seed() -> None:
+def test_whole_paper_with_one_seed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[tuple[int, int, str]] = []
     result = reproduce("hybrid-spline", seeds=1, progress=lambda *words: told.append(words))
     assert [done for done, _, _ in told] == list(range(len(told))) and told[-1][0] == told[-1][1]
@@ -282,3 +286,5 @@ def test_whole_paper_with_one_seed() -> None:
     assert json.loads(json.dumps(result.to_dict(), allow_nan=False))["format"] == "ocp-traj/reproduction/2"
     assert {erratum.where for erratum in result.errata} >= {"Table 6, row 6 X_S3", "(30), A1 and B1"}
     assert not foreign("hybrid-spline", result.comparisons, result.runs)
+    made = {"Figure 6": 1, "Figure 7": 1, "Figure 8": 4, **{f"Figure {n}": 2 for n in range(9, 15)}, "Figure 15": 1}
+    check_folder(result, tmp_path, monkeypatch, made, {f"Figure {n}" for n in range(1, 6)})

@@ -1,6 +1,7 @@
 """What the comparison with Zhu and Wang says: its tables, its published times, its recipe, its errata."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,8 +22,10 @@ from ocp_traj.reproductions.rotor_353 import (
     tables,
 )
 from ocp_traj.reproductions.rotor_353_errata import MISPRINTS, equation_errata, inverse_as_printed
+from ocp_traj.reproductions.rotor_353_figures import ALONE, TOGETHER
 from ocp_traj.reproductions.rotor_353_limits import closest_phases, single_joint_peaks
 from tests.paper_column import foreign
+from tests.reproduction_folder import check_folder
 
 
 @pytest.fixture(scope="module")
@@ -188,3 +191,9 @@ def test_everything_is_plain_json(found: Reproduction) -> None:
     plain = json.loads(json.dumps(found.to_dict(), default=float))
     assert plain["summary"]["Table 1"] == {"agrees": 11, "erratum": 1, "differs": 0}
     assert "Runs" in found.tables and "Errata" in found.tables
+
+
+@pytest.mark.slow
+def test_the_folder_has_every_figure(found: Reproduction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = {"Figure 1": 2, "Figure 2": 2, "Figure 3": 6, "Figure 4": 6, "Figure 5": 6}
+    check_folder(found, tmp_path, monkeypatch, {**made, ALONE: 6, TOGETHER: 1}, set())

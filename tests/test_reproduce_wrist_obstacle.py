@@ -2,6 +2,7 @@
 
 import json
 from math import pi
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from ocp_traj.reproductions.wrist_obstacle_errata import equation_errata, later_
 from ocp_traj.results.trajectory import trajectory_of
 from ocp_traj.solvers.exchange import Exchange
 from tests.paper_column import foreign
+from tests.reproduction_folder import check_folder
 
 
 @pytest.fixture(scope="module")
@@ -127,3 +129,9 @@ def test_everything_is_plain_json(found: Reproduction) -> None:
     plain = json.loads(json.dumps(found.to_dict(), default=float))
     assert plain["summary"]["Cases solved instead"] == {"agrees": 3, "erratum": 0, "differs": 0}
     assert "Runs" in found.tables and "Errata" in found.tables
+
+
+@pytest.mark.slow
+def test_the_folder_has_every_figure(found: Reproduction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = {"Figure 3": 2, "Figure 4": 1, **{f"Figure {n}": 3 for n in (5, 6, 7)}, "Figure 8": 1, "Figure 9": 1}
+    check_folder(found, tmp_path, monkeypatch, made, {"Figure 1", "Figure 2"})

@@ -22,6 +22,8 @@ from ocp_traj.io.plot import plot_front
 from ocp_traj.io.run_folder import RunFolder
 from ocp_traj.io.run_reader import load_run
 from ocp_traj.io.store import Run, request, save_run
+from ocp_traj.report.sources import source_of_front
+from ocp_traj.results.alternatives import problem_of
 from ocp_traj.results.front import Front
 from ocp_traj.results.records import of_front, of_population
 from tests.closed_form import Quintic, quintic_problem
@@ -263,8 +265,9 @@ def test_a_population_is_mended_and_proved_when_it_is_read(quintic: Problem, tmp
     assert loaded.info["dropped"] == {"violated": 1, "undecided": 0, "dominated": 0}
 
 
-def test_of_alternatives_the_best_front_is_read_at_the_end_and_before(tmp_path: Path) -> None:
-    fast, slow = quintic_problem(), quintic_problem(Quintic(velocity=1.0))
+def test_of_alternatives_one_front_is_read_at_the_end_and_before(tmp_path: Path) -> None:
+    """Slow moves from 1.875 s on, fast ones 1 % farther from 1.07 s: the front is of both."""
+    fast, slow = quintic_problem(Quintic(distance=1.01)), quintic_problem(Quintic(velocity=1.0))
     both = replace(slow, alternatives={"slow": slow, "fast": fast})
     seen: list[Any] = []
 
@@ -273,13 +276,18 @@ def test_of_alternatives_the_best_front_is_read_at_the_end_and_before(tmp_path: 
             seen.append((record["alternative"], load_run(tmp_path / "run", both)))
 
     front = ot.pareto(both, ["time", "effort"], points=3, output=tmp_path / "run", found=look)
-    assert front.info["alternative"] == "fast"
     loaded = load_run(tmp_path / "run", both)
-    assert loaded.table.equals(front.table) and loaded.problem.case == fast.case
+    assert loaded.table.equals(front.table) and loaded.problem is both
+    assert [p.alternative for p in loaded.points] == [p.alternative for p in front.points]
+    assert {p.alternative: problem_of(loaded, p) for p in loaded.points} == both.alternatives
+    shares = {name: one["points of the front"] for name, one in front.info["alternatives"].items()}
+    assert shares == {"slow": 3, "fast": len(front) - 3} and 0 < len(front) - 3 < 3
     assert [name for name, _ in seen] == ["slow"] * 3 + ["fast"] * 3
-    assert [len(f) for _, f in seen] == [1, 2, 3] * 2  # already the first point of the fast one is worth more
-    assert seen[2][1].problem.case == slow.case and seen[5][1].table.equals(front.table)
-    assert seen[3][1].info["alternatives"]["slow"]["points"] == 3
+    assert [len(f) for _, f in seen[:3]] == [1, 2, 3]
+    assert seen[2][1].info["alternative"] == "slow" and seen[5][1].table.equals(front.table)
+    assert seen[2][1].problem.case == slow.case
+    audited = source_of_front(loaded, "run").points
+    assert [point.audit.proved for point in audited] == [True] * len(front)
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ from ocp_traj.evolution.evolution import HANDLING, WORST, PymooProblem
 from ocp_traj.evolution.population import Population
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import WeightedSum
-from ocp_traj.io.plot import plot_convergence
+from ocp_traj.io.plot_convergence import plot_convergence
 from ocp_traj.solvers.ga import GA, fittest
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.pso import PSO, SCHEDULES, as_printed, constriction, linear, repaired
@@ -208,7 +208,7 @@ def test_the_command_line_runs_a_swarm_and_draws_its_history(tmp_path: Path, cap
         assert run([*arguments, *options("population=12", "generations=20", "schedule=linear")]) == 0
         assert "feasible, not optimal" in capfd.readouterr().err
     assert picture.read_bytes()[:4] == b"\x89PNG"
-    assert list(pd.read_csv(table).columns) == ["generation", "evaluations", "best", "violation"]
+    assert list(pd.read_csv(table).columns) == ["generation", "evaluations", "best", "violation", "objective"]
     assert run(["solve", "rotor-353", "--history", str(picture)]) == 2
     assert "--history is of a population" in capfd.readouterr().err
 
@@ -222,7 +222,7 @@ def test_the_papers_recipe_keeps_the_history_of_every_joint(tmp_path: Path, capf
         assert run([*arguments, *few, "--history", str(target)]) in (0, 1)  # what the longest phases break is audited
         assert f"history: {target}" in capfd.readouterr().err
     found = pd.read_csv(table)
-    assert list(found.columns) == ["part", "generation", "evaluations", "best", "violation"]
+    assert list(found.columns) == ["part", "generation", "evaluations", "best", "violation", "objective"]
     joints = found.groupby("part", sort=False)["generation"].agg(list)
     assert len(joints) == 6 and all(generations == joints.iloc[0] for generations in joints)
     assert all(len(generations) == 5 for generations in joints)

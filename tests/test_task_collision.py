@@ -148,7 +148,7 @@ def test_starts_go_around_and_are_the_same_from_the_same_seed() -> None:
 
 @pytest.mark.slow
 def test_the_example_with_whole_links_is_proved() -> None:
-    problem = ot.problems.load("task", file=str(EXAMPLE), **{"curve.finest": 4})
+    problem = ot.problems.load("task", file=str(EXAMPLE), **{"curve.finest": 2})
     solution = ot.solve(problem, seed=0, starts=1)
     assert solution.audit.proved
     rows = [row for row in solution.audit.rows if row.limit in ("obstacles", "self-collision")]

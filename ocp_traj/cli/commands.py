@@ -188,7 +188,7 @@ def solve(
     from ocp_traj.cli import sheets
 
     if plot is not None or history is not None:
-        from ocp_traj.io.plot import check_picture
+        from ocp_traj.io.plot_style import check_picture
 
     weights = {name: _number(value, f"--weight {cut(name)}") for name, value in _pairs(weight, "--weight").items()}
     chosen = _load(problem, set_)
@@ -218,7 +218,7 @@ def solve(
         if chosen.levels is not None and solution.trajectory is not None:
             chosen = solution.trajectory.origin or chosen  # of the level that was reached
         try:  # what was found is shown whatever becomes of the files, and written whatever becomes of stdout
-            _write(solution, chosen, output, plot, history)
+            _write(solution, chosen, output, plot, history, objective or next(iter(weights), None))
         finally:
             console.show(sheets.solution_sheet(chosen, solution), json)
         code = _outcome(solution)
@@ -353,8 +353,8 @@ def compare(
     from ocp_traj.results.front_comparison import compare_fronts, require_alike
 
     if output is not None:
-        from ocp_traj.io.plot import check_picture
         from ocp_traj.io.plot_fronts import plot_fronts
+        from ocp_traj.io.plot_style import check_picture
 
         check_picture(output)
         check_writable(output)
@@ -465,20 +465,45 @@ def reproduce(
         int | None,
         typer.Option(help="Runs of stochastic methods; as many as the claims need if not given.", min=1, max=MOST),
     ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FOLDER", help="Write tables (CSV, Markdown) and figures to it."),
+    ] = None,
+    pictures: Annotated[
+        str | None, typer.Option(metavar="png[,svg][,pdf]", help="How figures are written; png if not given.")
+    ] = None,
     json: AsJson = False,
-) -> None:
-    """Puts a paper's tables beside ours.
+) -> int:
+    """Puts a paper's tables and figures beside ours.
 
-    Example: ocp-traj reproduce hybrid-spline
+    Example: ocp-traj reproduce hybrid-spline -o runs/guo
     """
-    from ocp_traj import problems
     from ocp_traj.cli import sheets
+    from ocp_traj.reproductions.draft import ignore
+    from ocp_traj.reproductions.folder import ReproductionFolder
     from ocp_traj.reproductions.reproduce import reproduce as run_reproduce
+    from ocp_traj.reproductions.reproduce import require_known
 
-    problems.case_class(problem)
-    with console.progress("reproducing") as progress:
-        found = run_reproduce(problem, seeds=seeds, progress=progress)
+    require_known(problem)
+    folder = None
+    if output is not None:
+        kinds = [name.strip().lower() for name in ("png" if pictures is None else pictures).split(",")]
+        folder = ReproductionFolder(output, tuple(name for name in kinds if name))
+    elif pictures is not None:
+        raise InputError("--pictures is of the figures in a folder; give -o FOLDER too")
+    try:
+        with console.progress("reproducing") as progress:
+            keep = ignore if folder is None else folder.keep
+            found = run_reproduce(problem, seeds=seeds, progress=progress, keep=keep)
+    except BaseException as reason:
+        left = folder is not None and folder.leave()
+        if left and isinstance(reason, KeyboardInterrupt):
+            return console.interrupted(f"before all was done; {output} has what was finished")
+        raise
     console.show(sheets.reproduction_sheet(found), json)
+    if folder is not None:
+        console.say(f"written: {output}")
+    return DONE
 
 
 @app.command()
@@ -574,6 +599,27 @@ def report(
 
 @app.command()
 @one_blas_thread
+def plot(
+    sources: Annotated[
+        list[Path],
+        typer.Argument(metavar="RUN|TRAJECTORY|HISTORY..", help="Run folders, trajectories, or histories (CSV)."),
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="PICTURE", help="PNG, SVG or PDF, by its ending.")],
+) -> None:
+    """Draws a front, several fronts, trajectories against their limits, or how populations converged.
+
+    Example: ocp-traj plot runs/first -o front.pdf
+    """
+    from ocp_traj.cli.pictures import draw
+    from ocp_traj.io.plot_style import check_picture
+
+    check_picture(output)
+    check_writable(output)
+    console.say(f"picture: {draw(sources, output)}")
+
+
+@app.command()
+@one_blas_thread
 def plan(
     task: Annotated[str, typer.Argument(metavar="TASK", help="A task file (TOML) with [collision].")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="PATH", help="The path to write (CSV).")],
@@ -643,7 +689,10 @@ def import_(
     return DONE
 
 
-def _write(solution: Solution, problem: Problem, output: Path | None, plot: Path | None, history: Path | None) -> None:
+def _write(
+    solution: Solution, problem: Problem, output: Path | None, plot: Path | None, history: Path | None,
+    objective: str | None,
+) -> None:  # fmt: skip
     """Writes what was asked for of a solution, as far as there is one."""
     if solution.trajectory is None or solution.audit is None:
         return
@@ -651,12 +700,15 @@ def _write(solution: Solution, problem: Problem, output: Path | None, plot: Path
         console.say(f"trajectory: {solution.trajectory.save(output)}")
     if plot is None and history is None:
         return
-    from ocp_traj.io.plot import plot_trajectory, save_history  # Matplotlib is slow to import
+    from ocp_traj.io.plot import plot_trajectory  # Matplotlib is slow to import
+    from ocp_traj.io.plot_convergence import save_history
 
     if plot is not None:
         console.say(f"picture: {plot_trajectory(solution.trajectory, problem.requirements, plot)}")
     if history is not None and solution.history is not None:
-        console.say(f"history: {save_history(solution.history, history)}")
+        followed = problem.objective(objective or problem.default_objective)  # a population has one objective
+        quantity = f"{'minus ' if followed.sense == 'max' else ''}{followed.id} [{followed.unit}]"
+        console.say(f"history: {save_history(solution.history, history, quantity)}")
     elif history is not None:
         console.say(f"history: {history} is not written; no population of this run has one")
 

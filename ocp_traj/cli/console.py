@@ -17,6 +17,7 @@ from ocp_traj.files import plain
 from ocp_traj.stopping import exit_code
 
 WIDE = 160  # columns of a table that does not go to a terminal
+LONGEST_WORD = 24  # [characters] that a column keeps whole, however narrow the terminal: our choice
 LONGEST_MESSAGE = 2000  # [characters]: our choice
 
 Rows = tuple[str, Sequence[str], Sequence[Sequence[Any]]]  # title, column names, rows
@@ -37,17 +38,25 @@ def show(sheet: Sheet, json: bool) -> None:
         return
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
+    from rich.measure import Measurement
     from rich.table import Table
     from rich.text import Text
 
     console = Console(width=None if sys.stdout.isatty() else WIDE)
     for title, columns, rows in sheet.tables:
         table = Table(title=Text(title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
-        for name in columns:
-            table.add_column(Text(name), overflow="fold")  # as Text: brackets are units, not markup
-        for row in rows:
-            table.add_row(*(Text(text(value)) for value in row))
-        console.print(table)
+        cells = [[text(value) for value in row] for row in rows]
+        for index, name in enumerate(columns):
+            words = [word for cell in (name, *(row[index] for row in cells)) for word in cell.split()]
+            longest = min(max(map(len, words), default=0), LONGEST_WORD)
+            table.add_column(Text(name), overflow="fold", min_width=longest)  # as Text: brackets are units, not markup
+        for row in cells:
+            table.add_row(*map(Text, row))
+        needed = Measurement.get(console, console.options.update(max_width=WIDE), table).minimum
+        if needed > console.width:  # else words would be cut where the terminal is narrow
+            Console(width=needed).print(table)
+        else:
+            console.print(table)
 
 
 def say(words: str) -> None:

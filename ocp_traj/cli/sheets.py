@@ -295,10 +295,10 @@ def front_remarks(front: Front) -> Iterator[str]:
     refined, known = front.info.get("points to refine", 0), front.info.get("genetic front", 0)
     if refined < known:
         yield f"{refined} points of the genetic front's {known} were to be refined; --points refines more"
-    for name, other in front.info.get("alternatives", {}).items():
-        beyond = other["points not dominated by the chosen front"]
-        if name != front.info.get("alternative") and beyond:
-            yield f"the front is that of {front.info['alternative']}; {beyond} points of {name} add to it: solve it too"
+    shares = {name: one["points of the front"] for name, one in front.info.get("alternatives", {}).items()}
+    if shares:
+        words = ", ".join(f"{count(n, 'point')} of {name}" for name, n in shares.items())
+        yield f"the front is of all alternatives: {words}"
 
 
 def payload_sheet(found: LargestPayload) -> Sheet:
@@ -352,9 +352,13 @@ def import_sheet(found: Imported, target: Path) -> Sheet:
 
 
 def reproduction_sheet(found: Reproduction) -> Sheet:
-    """A paper's tables beside ours."""
-    tables = [
-        (title, [str(name) for name in table.columns], table.to_numpy(dtype=object).tolist())
-        for title, table in found.tables.items()
-    ]
+    """A paper's tables beside ours, the figures, and the verdicts at the end."""
+    from ocp_traj.reproductions.readable import cell, readable
+
+    tables: list[Rows] = []
+    for title, table in [*found.tables.items(), ("Verdicts", found.summary)]:
+        text = readable(table)
+        tables.append((title, list(text.columns), text.to_numpy(dtype=object).tolist()))
+    figures = [[one.listed.number, one.listed.shows, cell(one.made), one.words] for one in found.figures]
+    tables.insert(-1, ("Figures", ["figure", "shows", "made", "of, or why not"], figures))
     return Sheet(found.to_dict(), tables)

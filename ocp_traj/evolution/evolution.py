@@ -6,10 +6,11 @@ dilation to mend.
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,7 @@ import pymoo.core.problem
 from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError, NoSolutionFound
 from ocp_traj.evolution.dilation import Dilation
+from ocp_traj.evolution.local_frame import LocalFrame
 from ocp_traj.evolution.population import Population
 from ocp_traj.evolution.search_box import search_box
 from ocp_traj.formulation.problem import Problem
@@ -51,6 +53,7 @@ class PymooProblem(pymoo.core.problem.Problem):  # type: ignore[misc]  # pymoo i
         weight: of ``penalty``, in units of the objectives' scales.
         tolerance: excess of a limit, in its scale, that is overlooked.
         dilation: slows individuals down that break a limit, which changes them; None for none.
+        frame: whose coordinates individuals are given in; None for the problem's own variables.
         seconds, calls, individuals: spent on evaluation.
         last: the individuals of the last call, their first objective and sums of excesses.
     """
@@ -68,6 +71,7 @@ class PymooProblem(pymoo.core.problem.Problem):  # type: ignore[misc]  # pymoo i
         self.population = Population(problem, objectives, max(per_segment, *degrees(problem)), refine)
         self.scaling = TimeScaling(problem) if scaling else None
         self.dilation = Dilation(problem, self.population, tolerance) if dilate else None
+        self.frame: LocalFrame | None = None
         self.inactive, self.least = problem.inactive(objectives), problem.lower
         chosen = [problem.objective(name) for name in objectives]
         self.signs = np.array([1.0 if o.sense == "min" else -1.0 for o in chosen])
@@ -87,12 +91,20 @@ class PymooProblem(pymoo.core.problem.Problem):  # type: ignore[misc]  # pymoo i
         )
 
     def meant(self, x: Array) -> Array:
-        """Individuals ``(N, n)``, as they are evaluated.
+        """Decision vectors ``(N, n)`` of individuals, as they are evaluated.
 
         Slacks of objectives that are not traded are put at their lower bounds; time is scaled if wanted.
         """
+        x = x if self.frame is None else self.frame.x(x)
         fixed = np.where(self.inactive, self.least, x)
         return fixed if self.scaling is None else self.scaling.apply(fixed)
+
+    def within(self, frame: LocalFrame) -> Self:
+        """The same of individuals in the coordinates of a frame, of which none is slowed down."""
+        other = copy.copy(self)
+        other.frame, other.dilation, other.n_var = frame, None, frame.size
+        other.xl, other.xu = -np.ones(frame.size), np.ones(frame.size)
+        return other
 
     def beyond(self, f: Array) -> Array:
         """By how much objectives ``(N, objectives)``, less is better, exceed the reference point, in their scales."""
@@ -145,8 +157,12 @@ class Evolution:
         interrupted: whether Ctrl-C ended it before its last generation.
         moved: whether it found anything better than its first generation: a feasible individual that none of the first
             is as good as in every objective, to ``SAME``.
-        last: decision vectors ``(N, n)`` of the last population; the least broken first, of those the best in the first
+        last: individuals ``(N, n)`` of the last population; the least broken first, of those the best in the first
             objective.
+        champions: decision vectors ``(generations, n)`` of the best feasible individual so far in the first objective;
+            NaN where there is none.
+        legs: frames in which it walked, see ``legs``; 0 where it searched in the problem's own variables.
+        start: from where it walked ``(n,)``; None where it did not.
     """
 
     best: Array
@@ -155,6 +171,9 @@ class Evolution:
     interrupted: bool
     moved: bool
     last: Array
+    champions: Array
+    legs: int = 0
+    start: Array | None = None
 
     def reached(self, value: float) -> int | None:
         """Evaluations after which the best value was at most this, or None."""
@@ -184,6 +203,7 @@ def evolve(
     rows: list[tuple[int, float, float]] = []
     least = np.nan
     champion: Array | None = None
+    champions: list[Array] = []
     begun_with = np.empty((0, target.n_obj))
 
     def feasible() -> Array:
@@ -207,6 +227,7 @@ def evolve(
                     least = float(f[met].min())
                     champion = np.array(x[met][np.argmin(f[met])], dtype=float)
                 rows.append((target.individuals, least, float(excess.min())))
+                champions.append(np.full(target.problem_size, np.nan) if champion is None else champion)
                 if len(rows) == 1:
                     begun_with = feasible()
                 now = time.perf_counter()
@@ -227,7 +248,10 @@ def evolve(
         best = champion[None] if champion is not None else np.empty((0, target.problem_size))
     history = pd.DataFrame(rows, columns=["evaluations", "best", "violation"]).rename_axis("generation")
     moved = gains_on(feasible(), begun_with)
-    return Evolution(best, history, time.perf_counter() - begun, interrupted, moved, _last(algorithm, target))
+    return Evolution(
+        best, history, time.perf_counter() - begun, interrupted, moved, _last(algorithm, target),
+        np.reshape(champions, (len(rows), target.problem_size)),
+    )  # fmt: skip
 
 
 def gains_on(values: Array, on: Array) -> bool:
@@ -265,6 +289,11 @@ def front_of(
     """The Pareto set of a run; raises ``NoSolutionFound`` where nothing is feasible, unless it was interrupted."""
     if not len(run.best) and not run.interrupted:
         raise NoSolutionFound(_nothing(problem, method, population, generations, run))
+    if run.legs and not run.moved and not run.interrupted:
+        raise NoSolutionFound(
+            f"{problem.id}: {method} found nothing better than the one guess it began with, in {len(run.history)} "
+            f"generations of {population}, steps from it break limits; give it more of either, or use trace or memetic"
+        )
     info = {
         "population": population,
         "generations": generations,
@@ -274,8 +303,9 @@ def front_of(
         "algorithm seconds": run.seconds - target.seconds,
         **ended_after(run, generations),
         "moved": run.moved,
+        **({"legs": run.legs} if run.legs else {}),
     }
-    return ParetoSet(list(run.best), method, seed, run.seconds, info, run.interrupted)
+    return ParetoSet(list(run.best), method, seed, run.seconds, info, run.interrupted, run.champions)
 
 
 def ended_after(run: Evolution, generations: int) -> dict[str, str]:

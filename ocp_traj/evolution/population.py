@@ -21,6 +21,7 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS, SWEEP, PathConstraint
 from ocp_traj.interval.tape import Tape
 from ocp_traj.proof.values import values_at
+from ocp_traj.transcription.instants import Instant
 from ocp_traj.transcription.symbolic import (
     constants_at,
     curve_function,
@@ -101,6 +102,7 @@ class Population:
     def __init__(self, problem: Problem, objectives: Sequence[str], per_segment: int = 5, refine: bool = False) -> None:
         """Compiles the tapes; see the class."""
         self.problem, self.names, self.refine = problem, tuple(objectives), refine
+        self.per_segment = per_segment
         self._plain = plain_objectives(problem, self.names)
         curve = curve_function(problem)
         self._curve = Tape(curve)
@@ -134,17 +136,7 @@ class Population:
 
     def evaluate(self, x: ArrayLike, limits: bool = True) -> Evaluation:
         """Objectives and violations of a population ``x (N, n)``; without its ``limits`` no violations."""
-        population = np.atleast_2d(np.asarray(x, dtype=float))
-        if population.shape[1] != self.problem.size:
-            raise InputError(
-                f"{self.problem.id} has {self.problem.size} variables; the population has {population.shape[1]}"
-            )
-        durations, parameters, *flat = self._curve.evaluate(population.T)
-        # CasADi stores matrices by column: (dof, n + 1, N) after reshaping, then (n + 1, dof, N).
-        points = [
-            np.ascontiguousarray(np.swapaxes(p.reshape(cols, rows, -1), 0, 1))
-            for p, (rows, cols) in zip(flat, self._shapes, strict=True)
-        ]
+        population, durations, parameters, points = self._curves(x)
         wanted = self._limits if limits else []
         chosen = self._chosen if limits else []
         grids = {nodes for _, nodes in (*wanted, *chosen)}
@@ -170,15 +162,56 @@ class Population:
             np.stack([values[name] for name in self.names], axis=1), np.where(np.isnan(worst), np.inf, worst)
         )
 
+    def _curves(self, x: ArrayLike) -> tuple[Array, Array, Array, list[Array]]:
+        """A population ``(N, n)`` and its durations, parameters and control points ``(n_k + 1, dof, N)``."""
+        population = np.atleast_2d(np.asarray(x, dtype=float))
+        if population.shape[1] != self.problem.size:
+            raise InputError(
+                f"{self.problem.id} has {self.problem.size} variables; the population has {population.shape[1]}"
+            )
+        durations, parameters, *flat = self._curve.evaluate(population.T)
+        # CasADi stores matrices by column: (dof, n + 1, N) after reshaping, then (n + 1, dof, N).
+        points = [
+            np.ascontiguousarray(np.swapaxes(p.reshape(cols, rows, -1), 0, 1))
+            for p, (rows, cols) in zip(flat, self._shapes, strict=True)
+        ]
+        return population, durations, parameters, points
+
+    @property
+    def instants(self) -> list[Instant]:
+        """Where the path limits are looked at: limit after limit, of a swept one place after place of its sweep."""
+        return [
+            Instant(limit.id, k, u, sweep=float(s))
+            for limit, nodes in self._limits
+            for s in (SWEEP if limit.sweep else (0.0,))
+            for k, u in nodes.nodes
+        ]
+
+    def rows(self, x: ArrayLike) -> Array:
+        """Values of the path limits ``(N, m)`` of a population ``x (N, n)``, each over its scale.
+
+        Instant after instant, as ``instants`` has them, each with the rows of its limit.
+        """
+        population, durations, parameters, points = self._curves(x)
+        states = {nodes: nodes.states(points, durations) for nodes in {nodes for _, nodes in self._limits}}
+        found = [np.zeros((len(population), 0))]
+        for limit, nodes in self._limits:
+            values = self._values(limit, nodes, states[nodes], parameters) / limit.scale[:, None, None]
+            found.append(values.transpose(2, 1, 0).reshape(len(population), -1))
+        return np.concatenate(found, axis=1)
+
+    def _values(self, limit: PathConstraint, nodes: _Nodes, states: Array, parameters: Array) -> Array:
+        """Values at the nodes, of a swept limit once for each place of its sweep: ``(rows, sweeps M, N)``."""
+        if limit.order is not None:
+            return np.asarray(states[limit.order])
+        where, u = nodes.together(states, parameters), np.repeat(nodes.u, states.shape[3])
+        sweeps = [np.full_like(u, s) for s in SWEEP] if limit.sweep else [None]
+        found = [values_at(self.problem.requirements, limit, *where, s) for s in sweeps]
+        return np.stack(found, axis=1).reshape(len(limit.labels), -1, states.shape[3])
+
     def _violation(self, limit: PathConstraint, nodes: _Nodes, states: Array, parameters: Array) -> Array:
         """Largest excess of each row over the nodes, in units of the limit's scale: ``(rows, N)``."""
-        if limit.order is not None:
-            values = states[limit.order]
-        else:
-            where, u = nodes.together(states, parameters), np.repeat(nodes.u, states.shape[3])
-            sweeps = [np.full_like(u, s) for s in SWEEP] if limit.sweep else [None]
-            found = [values_at(self.problem.requirements, limit, *where, s) for s in sweeps]
-            values = np.stack(found, axis=1).reshape(len(limit.labels), -1, states.shape[3])
+        values = self._values(limit, nodes, states, parameters)
         scale = limit.scale[:, None]
         high, low = values.max(axis=1), values.min(axis=1)
         if self.refine:

@@ -8,10 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ocp_traj.arrays import Array
+from ocp_traj.io.plot_style import ORANGE
 from ocp_traj.results.front_certificate import FrontCertificate
 from ocp_traj.rounding import rounded_up
 
-BETWEEN, FORBIDDEN = "#f5b041", "0.35"
+BETWEEN, FORBIDDEN = ORANGE, "0.35"
 ROOM = 0.05  # of the front's range, on each side of it: our choice
 
 

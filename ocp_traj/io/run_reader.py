@@ -23,7 +23,7 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.io.journal import records
 from ocp_traj.io.run_folder import JOURNAL, MANIFEST, TABLE, TRAJECTORIES
 from ocp_traj.io.store import FORMAT, trajectory_file
-from ocp_traj.results.alternatives import best_front
+from ocp_traj.results.alternatives import merged_front
 from ocp_traj.results.front import Front
 from ocp_traj.results.front_table import read_front_csv
 from ocp_traj.results.pareto_set import ParetoSet, proved_front
@@ -145,6 +145,8 @@ def _of_journal(empty: Front, keep_unproved: bool, run: Mapping[str, Any], path:
             empty = replace(empty, seconds=float(last.get("elapsed", 0.0)))
         if last["kind"] == FRONT:
             problem = empty.problem
+            if problem.alternatives and "alternative" not in last:
+                return _of_alternatives(empty, keep_unproved, last, path)
             if problem.alternatives:
                 problem = problem.alternatives[last["alternative"]]
             return _proved(replace(empty, problem=problem), _points(problem, last, path), keep_unproved)
@@ -173,7 +175,20 @@ def _so_far(empty: Front, keep_unproved: bool, path: Path, found: Sequence[Recor
         return empty
     if not empty.problem.alternatives:
         return fronts[""]
-    return replace(best_front(fronts, empty.problem.alternatives), seconds=empty.seconds)
+    return replace(merged_front(empty.problem, fronts, empty.problem.alternatives), seconds=empty.seconds)
+
+
+def _of_alternatives(empty: Front, keep_unproved: bool, last: Record, path: Path) -> Front:
+    """The front that ended a run, of points of several alternatives."""
+    fronts = {}
+    for name, part in empty.problem.alternatives.items():
+        mine = [point for point in last["points"] if point["alternative"] == name]
+        xs = _points(part, {"points": mine}, path)
+        fronts[name] = _proved(replace(empty, problem=part), xs, keep_unproved)
+    found = merged_front(empty.problem, fronts, empty.problem.alternatives)
+    if len(found) != len(last["points"]):
+        raise FileFormatError(f"{path}: points of the front are of no alternative, or no longer proved: it was changed")
+    return replace(found, problem=empty.problem, seconds=empty.seconds, info=empty.info)
 
 
 def _points(problem: Problem, record: Record, path: Path) -> list[Array]:

@@ -9,7 +9,7 @@ from ocp_traj.errors import InputError
 from ocp_traj.parallel.job import Answer, Job, call
 from ocp_traj.parallel.recipe import Recipe
 
-# MUMPS and a problem's caches are not for several threads, and a cluster's worker may have more than one.
+# A problem's caches are not for several threads, and a cluster's worker may have more than one.
 _one_at_a_time = threading.Lock()
 
 

@@ -17,6 +17,7 @@ from ocp_traj.formulation.registry import load
 from ocp_traj.formulation.task import Task
 from ocp_traj.io.run_reader import load_run, read_manifest
 from ocp_traj.proof.verdicts import Audit
+from ocp_traj.results.alternatives import problem_of
 from ocp_traj.results.front import Front
 from ocp_traj.results.provenance import audit_motions
 from ocp_traj.results.trajectory import Trajectory, audit_points
@@ -92,10 +93,15 @@ def source_of_front(
     """A front as a source; ``manifest`` is what its ``run.json`` holds, where there is one."""
     if not front.points:
         raise InputError(f"{name} has no points to show; give it more time, or another seed")
-    audited = audit_points(front.problem, [point.x for point in front.points])
+    audits: dict[int, Audit] = {}
+    for of in dict.fromkeys(point.alternative for point in front.points):
+        mine = [index for index, point in enumerate(front.points) if point.alternative == of]
+        own = problem_of(front, front.points[mine[0]])
+        audited = audit_points(own, [front.points[index].x for index in mine])
+        audits |= {index: audit for index, (_, audit) in zip(mine, audited, strict=True)}
     points = tuple(
-        Point(f"{index}", point.trajectory, audit, point.x, point.objectives)
-        for index, (point, (_, audit)) in enumerate(zip(front.points, audited, strict=True))
+        Point(f"{index}", point.trajectory, audits[index], point.x, point.objectives)
+        for index, point in enumerate(front.points)
     )
     asked = manifest or {}
     request = {

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
+from ocp_traj.reproductions.gallery import PaperFigure
 
 FORMAT = "ocp-traj/reproduction/2"
 AGREES, ERRATUM, DIFFERS = "agrees", "erratum", "differs"
@@ -39,6 +40,7 @@ class Comparison:
         tolerance: half a unit of the last printed digit, and what the rounding of the paper's inputs adds [unit].
         verdict: of ``VERDICTS``.
         note: what explains it.
+        printed: the paper's number with all its digits; empty where it prints none.
     """
 
     table: str
@@ -50,6 +52,7 @@ class Comparison:
     tolerance: float
     verdict: str
     note: str = ""
+    printed: str = ""
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,10 @@ class Run:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """A paper's results beside ours; ``extra`` holds tables of another kind, by title."""
+    """A paper's results beside ours; ``extra`` holds tables of another kind, by title; ``figures`` are all it has.
+
+    One that is handed on while it is made is not ``finished``.
+    """
 
     problem: str
     reference: str
@@ -97,6 +103,8 @@ class Reproduction:
     errata: tuple[Erratum, ...]
     runs: tuple[Run, ...] = field(default_factory=tuple)
     extra: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+    figures: tuple[PaperFigure, ...] = ()
+    finished: bool = True
 
     @property
     def summary(self) -> pd.DataFrame:
@@ -120,18 +128,20 @@ class Reproduction:
         """As plain JSON values."""
         counts = {row["table"]: {v: int(row[v]) for v in VERDICTS} for row in self.summary.to_dict("records")}
         extra = {title: table.to_dict("records") for title, table in self.extra.items()}
-        return {"format": FORMAT, **asdict(replace(self, extra={})), "extra": extra, "summary": counts}
+        figures = [figure.to_dict() for figure in self.figures]
+        whole = asdict(replace(self, extra={}, figures=()))
+        return {"format": FORMAT, **whole, "extra": extra, "figures": figures, "summary": counts}
 
 
 def _table(comparisons: Sequence[Comparison]) -> pd.DataFrame:
     """One table's comparisons; the paper's numbers with all their digits, whatever their size, and no empty column."""
-    rows = pd.DataFrame([asdict(c) for c in comparisons]).drop(columns="table")
-    for column in ("paper", "expected"):
-        values = [getattr(c, column) for c in comparisons]
-        if all(value is None for value in values):
+    rows = pd.DataFrame([asdict(c) for c in comparisons]).drop(columns=["table", "printed"])
+    expected = [None if c.expected is None else f"{c.expected:.12g}" for c in comparisons]
+    for column, texts in (("paper", [c.printed or None for c in comparisons]), ("expected", expected)):
+        if all(text is None for text in texts):
             rows = rows.drop(columns=column)
         else:
-            rows[column] = pd.Series([None if v is None else f"{v:.12g}" for v in values], dtype=object)
+            rows[column] = pd.Series(texts, dtype=object)
     return rows
 
 
@@ -194,7 +204,7 @@ def compare(
     verdict = AGREES if is_ours(printed, allowed) else DIFFERS
     if verdict == DIFFERS and should_read is not None and is_ours(should_read, half_unit(should_read) + slack):
         verdict = ERRATUM
-    return Comparison(table, item, float(printed), None, float(ours), unit, float(allowed), verdict, note)
+    return Comparison(table, item, float(printed), None, float(ours), unit, float(allowed), verdict, note, printed)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,8 @@ from ocp_traj.progress import Progress
 from ocp_traj.proof.audit import audit
 from ocp_traj.reproductions import hybrid_spline_tables as tables
 from ocp_traj.reproductions.comparison import Reproduction, Run, Sheet, named_objectives, rounding_effect
+from ocp_traj.reproductions.courses import objectives_of
+from ocp_traj.reproductions.draft import Draft, Keep, ignore
 from ocp_traj.reproductions.hybrid_spline_errata import MISPRINTS, equation_errata
 from ocp_traj.reproductions.hybrid_spline_tables import (
     FMINCON,
@@ -29,6 +31,7 @@ from ocp_traj.reproductions.hybrid_spline_tables import (
     tracking,
     via_points,
 )
+from ocp_traj.results.solution import Solution
 from ocp_traj.results.trajectory import trajectory_of
 from ocp_traj.solvers.multistart import Multistart, best_of
 from ocp_traj.solvers.nsga2 import NSGA2
@@ -39,6 +42,7 @@ from ocp_traj.transcription.symbolic import evaluate_objectives, objective_funct
 STARTS = 3  # random starts of IPOPT: our choice
 STEP = 0.05  # [kg] with which a search for the payload would end at the paper's: our guess
 ALONE, TOGETHER = "of the cost", "of the four objectives"  # the second, then its least cost, is sect. 4, steps 6 and 7
+DESCENT = ("cost", "time", "energy", "jerk", "acceleration")  # followed over generations
 # What NSGA-II minimises, in which convention.
 GENETIC = (
     (("cost",), ALONE, PHYSICAL),
@@ -47,41 +51,51 @@ GENETIC = (
 )
 
 
-def run(seeds: int, progress: Progress) -> Reproduction:
+def run(seeds: int, progress: Progress, keep: Keep = ignore) -> Reproduction:
     """All of the paper's numbers beside ours; see ``ocp_traj.reproductions.reproduce.reproduce``."""
-    total, done = 1 + 2 * len(paper.CONVENTIONS) + seeds * len(GENETIC), 0
+    from ocp_traj.reproductions import hybrid_spline_figures as figures  # Matplotlib is slow to import
 
-    def begin(words: str) -> None:
-        nonlocal done
-        progress(done, total, words)
-        done += 1
-
-    sheet, runs = Sheet(MISPRINTS), reported()
     cases = {convention: problems.load("hybrid-spline", convention=convention) for convention in paper.CONVENTIONS}
-    begin("tables")
+    physical = cases[PHYSICAL]
+    total = 1 + 2 * len(paper.CONVENTIONS) + seeds * len(GENETIC)
+    draft = Draft(
+        "hybrid-spline", physical.about.reference, total, progress, keep, figures.FIGURES, MISPRINTS
+    )  # fmt: skip
+    sheet, runs = draft.sheet, draft.runs
+    runs += reported()
+    draft.begin("tables")
     pseudo_inertias(sheet)
     via_points(sheet)
     spline_knots(sheet)
     tracking(sheet)
-    for problem in (cases[LITERAL], cases[PHYSICAL]):
+    for problem in (cases[LITERAL], physical):
         objectives(sheet, problem)
+    least: dict[str, float] = {}
     for convention, problem in cases.items():
-        begin(f"optimum, {convention}")
-        runs.append(optimum(sheet, problem))
+        draft.begin(f"optimum, {convention}")
+        best = optimum(sheet, runs, problem)
+        least[convention] = best.objectives["cost"]
+        if convention == PHYSICAL:
+            assert best.trajectory is not None
+            figures.motions(draft, problem, best.trajectory, trajectory_of(problem, paper.TABLE_7))
+    descents: dict[str, list[Array]] = {}
     for chosen, words, convention in GENETIC:
         found = []
         for seed in range(seeds):
-            begin(f"NSGA-II {words}, {convention}, seed {seed}")
-            found.append(genetic(cases[convention], chosen, words, seed))
+            draft.begin(f"NSGA-II {words}, {convention}, seed {seed}")
+            one, champions = genetic(cases[convention], chosen, words, seed)
+            found.append(one)
+            if words == ALONE:
+                descents.setdefault(convention, []).append(objectives_of(cases[convention], champions, DESCENT))
         if found:
             genetic_costs(sheet, found, words, convention)
         runs += found
+    if descents:
+        figures.descents(draft, descents, least)
     for convention, problem in cases.items():
-        begin(f"payload, {convention}")
+        draft.begin(f"payload, {convention}")
         payloads(sheet, problem)
-    progress(total, total, "done")
-    errata = (*sheet.errata, *equation_errata(cases[PHYSICAL], cases[LITERAL]))
-    return Reproduction("hybrid-spline", cases[PHYSICAL].about.reference, tuple(sheet.comparisons), errata, tuple(runs))
+    return draft.finish(equation_errata(physical, cases[LITERAL]))
 
 
 def reported() -> list[Run]:
@@ -93,7 +107,7 @@ def reported() -> list[Run]:
     ]
 
 
-def optimum(sheet: Sheet, problem: Problem) -> Run:
+def optimum(sheet: Sheet, runs: list[Run], problem: Problem) -> Solution:
     """The true minimum of the cost beside the paper's two, and the slope that Table 7 leaves unused."""
     convention, index = problem.case.convention, [o.id for o in problem.objectives].index("cost")
     solutions = Multistart(starts=STARTS).solve_all(problem, WeightedSum({"cost": 1.0}))
@@ -123,11 +137,16 @@ def optimum(sheet: Sheet, problem: Problem) -> Run:
     sheet.expect("Optimum", label, 0.0, value, "1/s", tolerance=float(slack[k]), note=note)
     seconds, iterations = sum(s.seconds for s in solutions), sum(s.iterations for s in solutions)
     named, method = named_objectives(problem, best.objectives), f"IPOPT, {STARTS} starts"
-    return Run("ours", method, convention, 0, named, seconds, iterations, best.audit.verdict)
+    runs.append(Run("ours", method, convention, 0, named, seconds, iterations, best.audit.verdict))
+    return best
 
 
-def genetic(problem: Problem, chosen: tuple[str, ...], words: str, seed: int) -> Run:
-    """NSGA-II with the paper's parameters, and the least cost of its last generation (the paper's, of all)."""
+def genetic(problem: Problem, chosen: tuple[str, ...], words: str, seed: int) -> tuple[Run, Array]:
+    """NSGA-II with the paper's parameters, and the least cost of its last generation (the paper's, of all).
+
+    Returns:
+        the run, and its best individual so far of the first objective, generation by generation ``(G, n)``.
+    """
     found = NSGA2(seed=seed).pareto(problem, chosen)
     if found.interrupted:
         raise KeyboardInterrupt
@@ -136,7 +155,9 @@ def genetic(problem: Problem, chosen: tuple[str, ...], words: str, seed: int) ->
     verdict = audit(trajectory_of(problem, found.xs[least]), problem.requirements).verdict
     method, named = f"NSGA-II {words}", named_objectives(problem, values[least])
     evaluations = int(found.info["evaluations"])
-    return Run("ours", method, problem.case.convention, seed, named, found.seconds, evaluations, verdict)
+    assert found.champions is not None
+    one = Run("ours", method, problem.case.convention, seed, named, found.seconds, evaluations, verdict)
+    return one, found.champions
 
 
 def genetic_costs(sheet: Sheet, runs: list[Run], words: str, convention: str) -> None:

@@ -16,6 +16,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ocp_traj.arrays import Array
+from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.curves.families import cubic_spline_free_ends
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.problems import hybrid_robot
@@ -148,19 +149,29 @@ def spline_knots(sheet: Sheet) -> None:
             sheet.add("Table 8", f"row {number} {name}", printed[5 + i], float(rounded[k, i]), "mm", note=note)
 
 
-def tracking_error(h: ArrayLike) -> Array:
-    """Standard deviation [mm], variance [mm2] and maximum [mm] of the tool's distance to (156), every millisecond."""
-    curve = cubic_spline_free_ends(paper.via_points(paper.Guo2016()), h)
-    p = tool_positions(curve(np.arange(0.0, float(curve.duration), 1e-3)))
+def tracking_distance(curve: PiecewiseBezier) -> tuple[Array, Array]:
+    """Times ``(N,)`` [s], every millisecond, and the tool's distance to (156) ``(N,)`` [mm]."""
+    times = np.arange(0.0, float(curve.duration), 1e-3)
+    p = tool_positions(curve(times))
     eta = ((p[:, 0] - 600.0) * 0.8 + (p[:, 1] + 150.0) * 0.6) / 50.0
     for _ in range(4):  # Newton's method on (c(eta) - p) c'(eta) = 0
-        x, y = 600.0 + 40.0 * eta, -150.0 + 30.0 * eta
-        c = np.stack([x, y, (y - 100.0) ** 2 / 400.0 - x**2 / 6400.0 + 1100.0], axis=1)
-        slope = np.stack([40.0 + 0.0 * eta, 30.0 + 0.0 * eta, (y - 100.0) * 0.15 - x / 80.0], axis=1)
+        c = saddle(eta)
+        slope = np.stack([40.0 + 0.0 * eta, 30.0 + 0.0 * eta, (c[:, 1] - 100.0) * 0.15 - c[:, 0] / 80.0], axis=1)
         bend = 900.0 / 200.0 - 1600.0 / 3200.0  # d2z/deta2
         step = ((c - p) * slope).sum(axis=1) / ((slope**2).sum(axis=1) + (c - p)[:, 2] * bend)
         eta = eta - step
-    distance = np.linalg.norm(c - p, axis=1)
+    return times, np.linalg.norm(c - p, axis=1)
+
+
+def saddle(eta: Array) -> Array:
+    """Points ``(N, 3)`` [mm] of the curve (155), (156)."""
+    x, y = 600.0 + 40.0 * eta, -150.0 + 30.0 * eta
+    return np.stack([x, y, (y - 100.0) ** 2 / 400.0 - x**2 / 6400.0 + 1100.0], axis=1)
+
+
+def tracking_error(h: ArrayLike) -> Array:
+    """Standard deviation [mm], variance [mm2] and maximum [mm] of the tool's distance to (156), every millisecond."""
+    distance = tracking_distance(cubic_spline_free_ends(paper.via_points(paper.Guo2016()), h))[1]
     return np.array([distance.std(), distance.var(), distance.max()])
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -13,11 +12,13 @@ from scipy.optimize import minimize_scalar
 from ocp_traj import api, problems
 from ocp_traj.arrays import Array
 from ocp_traj.curves.families import polynomial_353
+from ocp_traj.curves.motion import Motion
 from ocp_traj.problems import m10id
 from ocp_traj.problems import rotor_353 as paper
 from ocp_traj.progress import Progress
 from ocp_traj.reproductions import rotor_353_convergence
 from ocp_traj.reproductions.comparison import Reproduction, Run, Sheet, rounding_effect
+from ocp_traj.reproductions.draft import Draft, Keep, ignore
 from ocp_traj.reproductions.rotor_353_errata import (
     MISPRINTS,
     TABLE_1_PRINTED,
@@ -38,43 +39,39 @@ TIMINGS = {"synchronised": "all joints together", "per_joint": "every joint alon
 FREE = {"position_limits": False, "effort_limits": False}  # (14) and (15) are the paper's limits
 
 
-def run(seeds: int, progress: Progress) -> Reproduction:
+def run(seeds: int, progress: Progress, keep: Keep = ignore) -> Reproduction:
     """All of the paper's numbers beside ours; see ``ocp_traj.reproductions.reproduce.reproduce``."""
-    sheet = Sheet(MISPRINTS)
-    runs: list[Run] = []
+    from ocp_traj.reproductions import rotor_353_figures as figures  # Matplotlib is slow to import
+
     plain = problems.load("rotor-353")
-    extra: dict[str, pd.DataFrame] = {"What the published times need": demand_table()}
-    steps: list[tuple[str, Callable[[], object]]] = [
-        ("tables", lambda: tables(sheet)),
-        ("poses", lambda: poses(sheet)),
-        *((f"published times, {words}", partial(published, sheet, runs, sign)) for sign, words in SIGNS.items()),
-        *(
-            (f"{TIMINGS[timing]}, {words}", partial(optimum, sheet, runs, sign, timing))
-            for sign, words in SIGNS.items()
-            for timing in paper.TIMINGS
-        ),
-    ]
-    total = len(steps) + seeds * len(SCHEDULES) + rotor_353_convergence.runs(seeds)
-    results: dict[str, object] = {}
-    for done, (words, step) in enumerate(steps):
-        progress(done, total, words)
-        results[words] = step()
-    done = len(steps)
-
-    def told(words: str) -> None:
-        nonlocal done
-        progress(done, total, words)
-        done += 1
-
+    steps = 2 + len(SIGNS) * (1 + len(paper.TIMINGS))
+    total = steps + seeds * len(SCHEDULES) + rotor_353_convergence.runs(seeds)
+    draft = Draft("rotor-353", plain.about.reference, total, progress, keep, figures.FIGURES, MISPRINTS)
+    sheet, runs = draft.sheet, draft.runs
+    draft.begin("tables")
+    draft.extra["What the published times need"] = demand_table()
+    tables(sheet)
+    draft.begin("poses")
+    poses(sheet)
+    for sign, words in SIGNS.items():
+        draft.begin(f"published times, {words}")
+        published(sheet, runs, sign)
+    found: dict[tuple[bool, str], Solution] = {}
+    for sign, words in SIGNS.items():
+        for timing in paper.TIMINGS:
+            draft.begin(f"{TIMINGS[timing]}, {words}")
+            found[sign, timing] = optimum(sheet, runs, sign, timing)
+    ours = found[False, "synchronised"].trajectory
+    assert ours is not None
+    figures.motions(draft, ours, Motion(polynomial_353(paper.via_points(paper.ZhuWang()), phases()), m10id.JOINTS))
     if seeds:
         title = f"Swarms on {seeds} seed{'' if seeds == 1 else 's'}, beside IPOPT and branch and bound"
-        extra[title] = swarms(plain, seeds, told)
-        extra["Swarms as the paper ran them, every joint alone"] = rotor_353_convergence.convergence(seeds, told)
-    progress(total, total, "done")
-    recipe = results[f"{TIMINGS['per_joint']}, {SIGNS[True]}"]
-    assert isinstance(recipe, Solution)
-    errata = (*sheet.errata, *equation_errata(excess(recipe)))
-    return Reproduction("rotor-353", plain.about.reference, tuple(sheet.comparisons), errata, tuple(runs), extra)
+        draft.extra[title], together = swarms(plain, seeds, draft.begin)
+        figures.swarms_together(draft, together.best, together.least)
+        table, followed = rotor_353_convergence.convergence(seeds, draft.begin)
+        draft.extra["Swarms as the paper ran them, every joint alone"] = table
+        figures.swarms_alone(draft, followed)
+    return draft.finish(equation_errata(excess(found[True, "per_joint"])))
 
 
 # --- tables ---

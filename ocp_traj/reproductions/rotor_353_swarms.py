@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ocp_traj.api import solve
+from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.results.solution import Solution
@@ -23,22 +24,32 @@ HIT = 1e-3  # relative: a run this close to the certified optimum has found it; 
 STARTS = 20  # of IPOPT beside the swarms, at most: our choice
 
 
-def swarms(problem: Problem, seeds: int, told: Callable[[str], None]) -> pd.DataFrame:
-    """Every schedule on the same seeds, with IPOPT and branch and bound in the same run.
+@dataclass(frozen=True, eq=False)
+class Together:
+    """How the swarms went: best times after each iteration ``(G,)`` [s] of each seed, by method; the optimum [s]."""
+
+    best: Mapping[str, list[Array]]
+    least: float
+
+
+def swarms(problem: Problem, seeds: int, told: Callable[[str], None]) -> tuple[pd.DataFrame, Together]:
+    """Every schedule on the same seeds, with IPOPT and branch and bound in the same run; and how each swarm went.
 
     Args:
         problem: whose shortest time is looked for.
         seeds: runs of each swarm, and of IPOPT up to ``STARTS``.
-        told: after each run of a swarm.
+        told: before each run of a swarm.
     """
     best = solve(problem).require()
     assert best.certificate is not None
     limit = best.objectives["time"] * (1.0 + HIT)
     rows: list[tuple[Any, ...]] = []
+    went: dict[str, list[Array]] = {}
     for schedule in SCHEDULES:
-        reached, finals, seconds = [], [], []
+        reached, finals, seconds, courses = [], [], [], list[Array]()
         for seed in range(seeds):
             solver = PSO(seed, schedule=schedule)
+            told(f"PSO {schedule}, seed {seed}")
             begun = time.perf_counter()
             evolution, target = solver.run(problem, "time")
             if evolution.interrupted:
@@ -46,8 +57,9 @@ def swarms(problem: Problem, seeds: int, told: Callable[[str], None]) -> pd.Data
             seconds.append(time.perf_counter() - begun)
             reached.append(evolution.reached(limit))
             finals.append(float(evolution.history["best"].iloc[-1]))
-            told(f"PSO {schedule}, seed {seed}")
+            courses.append(evolution.history["best"].to_numpy(dtype=float))
         name = {"adaptive": "PSO, pymoo's own"}.get(schedule, f"PSO {schedule.replace('_', ' ')}")
+        went[name] = courses
         rows.append(_row(name, [n for n in reached if n is not None], seeds, finals, seconds, best, "individuals"))
     local: list[Solution] = []
     for seed in range(min(STARTS, seeds)):
@@ -71,7 +83,7 @@ def swarms(problem: Problem, seeds: int, told: Callable[[str], None]) -> pd.Data
         "worst gap",
         "median [s]",
     ]
-    return pd.DataFrame(rows, columns=columns)
+    return pd.DataFrame(rows, columns=columns), Together(went, best.objectives["time"])
 
 
 def _row(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -23,7 +23,9 @@ from ocp_traj.evolution.generations import crowding_distances, spread
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.problems import kr90
 from ocp_traj.progress import Progress
-from ocp_traj.reproductions.comparison import Reproduction, Run, Sheet, named_objectives
+from ocp_traj.reproductions.comparison import Reproduction, Run, named_objectives
+from ocp_traj.reproductions.courses import Generations
+from ocp_traj.reproductions.draft import Draft, Keep, ignore
 from ocp_traj.reproductions.weld_bezier_errata import equation_errata
 from ocp_traj.reproductions.weld_bezier_tables import GENERATIONS, POPULATION, TABLE_7, durations, outside, table_2
 from ocp_traj.results.front import Front
@@ -37,33 +39,28 @@ from ocp_traj.solvers.nsga2 import NSGA2
 
 TRADED = ("air_time", "dynamic_effort")
 POINTS = 15  # of the traced front, and refined at most: our choice
-RANDOM = "from random points"
+RANDOM, FROM_ENDS = "from random points", "MOGA from IPOPT's ends"
 
 
-def run(seeds: int, progress: Progress) -> Reproduction:
+def run(seeds: int, progress: Progress, keep: Keep = ignore) -> Reproduction:
     """All of the paper's numbers beside ours; see ``ocp_traj.reproductions.reproduce.reproduce``."""
-    sheet = Sheet()
-    runs: list[Run] = []
-    extra: dict[str, pd.DataFrame] = {}
-    total, done = 4 + (1 + 3 * seeds if seeds else 0), 0
+    from ocp_traj.reproductions import weld_bezier_figures as figures  # Matplotlib is slow to import
 
-    def told(words: str) -> None:
-        nonlocal done
-        progress(done, total, words)
-        done += 1
-
-    told("tables")
+    seam = problems.load("weld-bezier")
+    total = 4 + (1 + 3 * seeds if seeds else 0)
+    draft = Draft("weld-bezier", seam.about.reference, total, progress, keep, figures.FIGURES)
+    sheet, runs, extra = draft.sheet, draft.runs, draft.extra
+    draft.begin("tables")
     extra["Table 2 without its slips, ends at their limits after one second"] = table_2(sheet)
     extra["Least durations that Table 3 allows, from rest to rest"] = durations(sheet)
     cells = extra["Cells of Tables 5 to 11 beyond the limits"] = outside()
     note = "the text has all of them within; Table 8 repeats Table 9 and is not counted"
     item, beyond = f"cells beyond the limits, of {cells['of'].sum()}", float(cells["outside"].sum())
     sheet.expect("Tables 5-11", item, 0.0, beyond, tolerance=0.0, note=note)
-    seam = problems.load("weld-bezier")
-    told("the seam")
+    draft.begin("the seam")
     solved = {"seam": (seam, api.solve(seam).require())}
     for words, rest in (("air move", False), ("air move, rest at the via point", True)):
-        told(words)
+        draft.begin(words)
         problem = problems.load("weld-bezier", case="air-move", rest_at_tags=rest)
         solved[words] = (problem, api.solve(problem, objective="air_time").require())
     for words, (problem, found) in solved.items():
@@ -80,12 +77,30 @@ def run(seeds: int, progress: Progress) -> Reproduction:
         runs.append(Run("paper", method, "motion not given", None, values, line.seconds, line.evaluations))
     if seeds:
         title = f"MOGA beside HMOGA on the air move, {seeds} seed{'' if seeds == 1 else 's'}: medians"
-        extra[title] = fronts(solved["air move"][0], seeds, runs, told)
-    progress(total, total, "done")
-    errata = equation_errata(signed_torques(*solved["air move"]))
-    return Reproduction(
-        "weld-bezier", seam.about.reference, tuple(sheet.comparisons), (*sheet.errata, *errata), tuple(runs), extra
-    )
+        move, least = solved["air move"]
+        extra[title], found_fronts = fronts(move, seeds, runs, draft)
+        drawn(draft, move, least, found_fronts)
+    return draft.finish(equation_errata(signed_torques(*solved["air move"])))
+
+
+def drawn(draft: Draft, move: Problem, least: Solution, found: Sequence[_Found]) -> None:
+    """The figures of MOGA and HMOGA, of the first seed: from random points, or where nothing is feasible, the ends."""
+    from ocp_traj.reproductions import weld_bezier_figures as figures  # Matplotlib is slow to import
+
+    by_method = {one.method: one for one in reversed(found)}  # of each the first
+    assert least.trajectory is not None
+    for method, names in (("MOGA", (f"MOGA {RANDOM}", FROM_ENDS)), ("HMOGA", ("HMOGA",))):
+        for name in names:
+            front = by_method[name].front
+            if front is None:
+                continue
+            fastest = front.trajectory(int(np.argmin(front.values[:, 0])))
+            words = f"the fastest point of {name}, since {names[0]} nothing is feasible; else as above"
+            figures.motions(draft, move, method, fastest, "" if name == names[0] else words, least.trajectory)
+            break
+    generations = by_method[FROM_ENDS].generations
+    if generations is not None:
+        figures.generations(draft, TRADED, generations)
 
 
 # --- what one trajectory is worth ---
@@ -137,7 +152,7 @@ def signed_torques(problem: Problem, found: Solution) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """A front, or None where nothing was feasible, and what it took."""
+    """A front, or None where nothing was feasible, what it took, and of a genetic algorithm how it went."""
 
     method: str
     seed: int | None
@@ -145,30 +160,33 @@ class _Found:
     evaluations: int
     iterations: int
     seconds: float
+    generations: Generations | None = None
 
 
-def fronts(problem: Problem, seeds: int, runs: list[Run], told: Callable[[str], None]) -> pd.DataFrame:
+def fronts(problem: Problem, seeds: int, runs: list[Run], draft: Draft) -> tuple[pd.DataFrame, list[_Found]]:
     """Both genetic algorithms from random points, MOGA from IPOPT's ends, HMOGA and the traced front, in one box."""
     found: list[_Found] = []
-    told("traced front")
-    traced = FrontTracer(POINTS).pareto(problem, TRADED)
+    draft.begin("traced front")
+    traced = FrontTracer(POINTS, progress=draft.within("traced front")).pareto(problem, TRADED)
     found.append(_proved(problem, traced, "trace", traced.xs, 0, traced.info["iterations"], traced.seconds))
     for seed in range(seeds):
-        told(f"HMOGA, seed {seed}")
-        recipe = HMOGA(seed, points=POINTS, population=POPULATION, generations=GENERATIONS)
+        draft.begin(f"HMOGA, seed {seed}")
+        told = draft.within(f"HMOGA, seed {seed}")
+        recipe = HMOGA(seed, points=POINTS, population=POPULATION, generations=GENERATIONS, progress=told)
         hybrid = recipe.pareto(problem, TRADED)
         info = hybrid.info
         ends = info["ends"]
         before = ends["points"] + info["genetic front"]
         counts = info["evaluations"], ends["iterations"], ends["seconds"] + info["evolution seconds"]
-        found.append(_proved(problem, hybrid, "MOGA from IPOPT's ends", hybrid.xs[:before], *counts))
+        ended = _proved(problem, hybrid, FROM_ENDS, hybrid.xs[:before], *counts)
+        found.append(replace(ended, generations=_generations(recipe, info["history"], ended.front)))
         spent = info["evaluations"], ends["iterations"] + info["iterations"], hybrid.seconds
         found.append(_proved(problem, hybrid, "HMOGA", hybrid.xs, *spent))
         for name, method in (
             (f"MOGA {RANDOM}", partial(evolution_alone, recipe)),
             (f"NSGA-II {RANDOM}", NSGA2(seed, population=POPULATION, generations=GENERATIONS).pareto),
         ):
-            told(f"{name}, seed {seed}")
+            draft.begin(f"{name}, seed {seed}")
             try:
                 plain = method(problem, TRADED)
             except NoSolutionFound:  # its hypervolume is none
@@ -190,7 +208,16 @@ def fronts(problem: Problem, seeds: int, runs: list[Run], told: Callable[[str], 
     medians = table.groupby("method", sort=False)[names].median()
     medians.insert(0, "runs", table.groupby("method", sort=False).size())
     medians.insert(3, "least hypervolume", table.groupby("method", sort=False)["hypervolume"].min())
-    return medians.reset_index()
+    return medians.reset_index(), found
+
+
+def _generations(recipe: HMOGA, history: Mapping[str, Any], front: Front | None) -> Generations | None:
+    """How the hybrid's genetic algorithm went, and the front it ended in."""
+    if front is None:
+        return None
+    distances = crowding_distances(front.values)
+    limits = recipe.generations, recipe.stall, recipe.function_tolerance
+    return Generations(pd.DataFrame(history), *limits, front.values, distances)
 
 
 def evolution_alone(recipe: HMOGA, problem: Problem, objectives: Sequence[str]) -> ParetoSet:

@@ -11,12 +11,16 @@ import numpy as np
 import pandas as pd
 
 from ocp_traj import api, problems
+from ocp_traj.arrays import Array
 from ocp_traj.errors import NoSolutionFound
+from ocp_traj.evolution.evolution import solution_of
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.problems import wrist_obstacle as paper
 from ocp_traj.progress import Progress
 from ocp_traj.reproductions.comparison import Reproduction, Run, Sheet, named_objectives
+from ocp_traj.reproductions.courses import FOLLOWED, Courses, objectives_of
+from ocp_traj.reproductions.draft import Draft, Keep, ignore
 from ocp_traj.reproductions.wrist_obstacle_errata import equation_errata, later_start, misses
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.trajectory import trajectory_of
@@ -43,37 +47,32 @@ HIT = 1e-3  # relative: a run this close to the best has found it; our choice
 SETTLED = 0.01  # of its last value: a run this close to it has settled; our choice
 
 
-def run(seeds: int, progress: Progress) -> Reproduction:
+def run(seeds: int, progress: Progress, keep: Keep = ignore) -> Reproduction:
     """All of the paper's numbers beside ours; see ``ocp_traj.reproductions.reproduce.reproduce``."""
-    sheet = Sheet()
-    runs: list[Run] = []
-    extra: dict[str, pd.DataFrame] = {}
-    total, done = 4 + seeds * len(VARIANTS), 0
+    from ocp_traj.reproductions import wrist_obstacle_figures as figures  # Matplotlib is slow to import
 
-    def told(words: str) -> None:
-        nonlocal done
-        progress(done, total, words)
-        done += 1
-
-    told("the plane")
+    reference = problems.load("wrist-obstacle").about.reference
+    draft = Draft("wrist-obstacle", reference, 4 + seeds * len(VARIANTS), progress, keep, figures.FIGURES)
+    sheet, runs, extra = draft.sheet, draft.runs, draft.extra
+    draft.begin("the plane")
     extra["The paper's points in the plane"] = plane(sheet)
-    told("the cases solved instead")
+    draft.begin("the cases solved instead")
     best = known(sheet, runs)
     assert best.trajectory is not None
     curve = best.trajectory.curve
-    told("time without limits")
+    draft.begin("time without limits")
     extra["Time without limits falls to its bound"] = bounds(sheet)
     extra["One path, as slow as one likes"] = dilations(best)
-    told("equations")
+    draft.begin("equations")
     turned = equations(sheet, best)
+    problem = problems.load("wrist-obstacle", branch="0")
+    courses = Courses({}, None)
     if seeds:
         title = f"Genetic algorithm of the paper on {seeds} seed{'' if seeds == 1 else 's'}, beside IPOPT"
-        extra[title] = genetic(problems.load("wrist-obstacle", branch="0"), best, seeds, runs, told)
-    progress(total, total, "done")
-    reference = problems.load("wrist-obstacle").about.reference
-    return Reproduction(
-        "wrist-obstacle", reference, tuple(sheet.comparisons), equation_errata(curve, turned), tuple(runs), extra
-    )
+        extra[title], courses = genetic(problem, best, seeds, runs, draft.begin)
+        figures.courses(draft, courses, best.objectives, FITNESS, TIME)
+    figures.motions(draft, problem, best.trajectory, courses.best)
+    return draft.finish(equation_errata(curve, turned))
 
 
 # --- why the text is not a problem ---
@@ -181,17 +180,30 @@ def equations(sheet: Sheet, best: Solution) -> float:
 # --- the genetic algorithm ---
 
 
-def genetic(problem: Problem, best: Solution, seeds: int, runs: list[Run], told: Callable[[str], None]) -> pd.DataFrame:
-    """The paper's algorithm with both ways to treat limits, and IPOPT from as many starts, on branch 0."""
+def genetic(
+    problem: Problem, best: Solution, seeds: int, runs: list[Run], told: Callable[[str], None]
+) -> tuple[pd.DataFrame, Courses]:
+    """The paper's algorithm with both ways to treat limits, and IPOPT from as many starts, on branch 0.
+
+    Returns:
+        a row each, and how the genetic algorithm went.
+    """
     rows: list[tuple[Any, ...]] = []
+    values: dict[str, list[Array]] = {}
+    proved: list[Solution] = []
     for (handling, scaling), words in VARIANTS.items():
         found: list[Solution] = []
         settled: list[int] = []
         for seed in range(seeds):
             told(f"GA, {words}, seed {seed}")
             solver = GA(seed, handling=handling, scaling=scaling)
+            evolution, target = solver.run(problem, "fitness")
+            if evolution.interrupted:
+                raise KeyboardInterrupt
+            values.setdefault(words, []).append(objectives_of(problem, evolution.champions, FOLLOWED))
+            size = solver.population, solver.generations
             try:
-                solution = solver.solve(problem, WeightedSum({"fitness": 1.0}))
+                solution = solution_of(evolution, target, problem, "fitness", "ga", *size)
             except NoSolutionFound:  # counted below: fewer proved runs than seeds
                 continue
             assert solution.audit is not None and solution.history is not None
@@ -201,6 +213,7 @@ def genetic(problem: Problem, best: Solution, seeds: int, runs: list[Run], told:
             method = f"GA, {words}"
             runs.append(Run("ours", method, "blocked, branch 0", seed, named, solution.seconds, evaluations, verdict))
             found.append(solution)
+            proved += [solution] if solution.audit.proved else []
             history = solution.history["best"].to_numpy()
             settled.append(int(np.argmax(history <= (1.0 + SETTLED) * history[-1])) + 1)
         counts = [int(s.history["evaluations"].iloc[-1]) for s in found if s.history is not None]
@@ -218,7 +231,8 @@ def genetic(problem: Problem, best: Solution, seeds: int, runs: list[Run], told:
     )
     columns = f"method|runs|proved|within {HIT:.1%}|best fitness|median fitness|median gap|worst gap"
     more = "settled after [generations]|median effort|of|median [s]"
-    return pd.DataFrame(rows, columns=[*columns.split("|"), *more.split("|")])
+    motion = min(proved, key=lambda one: one.f).trajectory if proved else None
+    return pd.DataFrame(rows, columns=[*columns.split("|"), *more.split("|")]), Courses(values, motion)
 
 
 def _row(

@@ -40,6 +40,7 @@ class FrontPoint:
         trajectory: that x stands for.
         margin: smallest relative margin of its audit; > 0 when every limit is met.
         verdict: of its audit, ``proved``, ``undecided`` or ``violated``.
+        alternative: of the problem that it is of; empty where that has none.
     """
 
     x: Array
@@ -47,6 +48,7 @@ class FrontPoint:
     trajectory: Trajectory
     margin: float
     verdict: str
+    alternative: str = ""
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,7 @@ class Front(Shown):
         if not keep_unproved:
             dropped.update(point.verdict for point in found if point.verdict != PROVED)
             found = [point for point in found if point.verdict == PROVED]
-        best = _non_dominated(empty.traded, found)
+        best = non_dominated(empty.traded, found)
         dropped["dominated"] = len(found) - len(best)
         notes = {**(info or {}), "dropped": dict(dropped)}
         return cls(problem, empty.objectives, tuple(best), method, seed, seconds, notes)
@@ -338,7 +340,7 @@ def _audited(problem: Problem, traded: tuple[str, ...], vectors: Sequence[Array]
     ]
 
 
-def _non_dominated(traded: Sequence[Objective], points: Sequence[FrontPoint]) -> list[FrontPoint]:
+def non_dominated(traded: Sequence[Objective], points: Sequence[FrontPoint]) -> list[FrontPoint]:
     """The points no other one dominates, each once, ascending in the first objective."""
     if not points:
         return []

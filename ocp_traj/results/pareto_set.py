@@ -26,6 +26,8 @@ class ParetoSet:
         seconds: spent.
         info: what else is worth recording.
         interrupted: whether Ctrl-C ended it.
+        champions: of a population, after each generation the best feasible individual so far in the first objective
+            ``(generations, n)``, NaN where there is none; None where there is no population, or nobody kept them.
     """
 
     xs: Sequence[Array]
@@ -34,6 +36,7 @@ class ParetoSet:
     seconds: float
     info: Mapping[str, Any] = field(default_factory=dict)
     interrupted: bool = False
+    champions: Array | None = None
 
 
 def check_traded(objectives: Sequence[str]) -> None:

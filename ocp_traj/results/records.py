@@ -80,8 +80,12 @@ def of_population(xs: Iterable[ArrayLike]) -> Record:
 
 def of_front(front: Front) -> Record:
     """A front, as its run ended."""
-    points = [{"x": p.x, "objectives": p.objectives, "verdict": p.verdict} for p in front.points]
     chosen = front.info.get("alternative")
+    points = [
+        {"x": p.x, "objectives": p.objectives, "verdict": p.verdict}
+        | ({"alternative": p.alternative} if p.alternative and chosen is None else {})
+        for p in front.points
+    ]
     return _record(FRONT, points, **({} if chosen is None else {"alternative": chosen}))
 
 

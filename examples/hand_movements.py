@@ -48,7 +48,7 @@ def build(case: FlashHogan1985 | None = None) -> ot.Problem:
     limits = ot.JointLimits(velocity=(case.max_speed,) * 2)
     jerk = ot.Objective("jerk", "m2/s5", 100.0, eq="(1)", integrand=lambda s: 0.5 * casadi.sumsqr(s.jerk))
     return ot.Problem(
-        id="fifth-paper",
+        id="hand-movements",
         case=case,
         variables=(ot.Variable("P", -bounds, bounds, "m", ("x3", "y3", "x4", "y4"), "our choice"),),
         curve=curve,
