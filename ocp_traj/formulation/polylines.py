@@ -12,7 +12,7 @@ STEP = 0.004  # between points that are looked at, of the norm of q / speed: a p
 PASSES = 20  # of shortening a mended polyline: our choice
 ATTEMPTS = 6  # plans: our choice
 # Of so many that are clear the shortest is taken, and no other is looked for once so many points were looked at: ours
-PLANS, PATIENCE = 3, 12_000
+PLANS, PATIENCE = 5, 45_000
 MOST = 8000  # points that are looked at to mend one edge: our choice
 
 
