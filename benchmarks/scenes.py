@@ -3,10 +3,11 @@
 A folder has to hold, for each of ``ur5`` and ``panda``, ``ROBOT_spherized.urdf``, ``ROBOT.srdf`` and folders with
 ``sceneNNNN.yaml`` and ``requestNNNN.yaml``; see docs/formats.md. Each finished part of a problem is a line of a file:
 a run that was stopped goes on where it was. A proved motion is looked at in 100 000 places by code of its own
-(``sphere_robot``). Seconds are of the processor, building and proof included; a start that has not led to a proof after
-``--seconds`` counts as failed, and so does a problem after as many.
+(``sphere_robot``). Seconds are of the processor, building and proof included: starts are stopped after ``--seconds``,
+what they have by then is proved, and what is proved within ``WITHIN`` counts as in time. With ``--page`` all that came
+of it becomes a section of RESULTS.md.
 
-    python -m benchmarks.scenes FOLDER [--every 10] [--seconds 20] [--output scenes.jsonl]
+    python -m benchmarks.scenes FOLDER [--every 10] [--seconds 17] [--output scenes.jsonl] [--page]
 """
 
 from __future__ import annotations
