@@ -15,8 +15,6 @@ import pygmo
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-METHODS = ("pygmo NSGA-II", "pygmo MOEA/D")
-SIZES = (100, 52, 200)  # of the population; NSGA-II of pygmo wants a multiple of four
 AT_A_TIME = 5  # generations between two looks at the clock
 
 
