@@ -18,6 +18,7 @@ from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.formulation.requirements import PathConstraint, Requirements
 from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.results.front import Front
+from ocp_traj.results.records import Record
 from ocp_traj.solvers.ga import GA
 from ocp_traj.solvers.handover import chosen_of
 from ocp_traj.solvers.mopso import MOPSO
@@ -125,10 +126,12 @@ def test_a_walk_keeps_what_nothing_dominates_and_no_more_than_its_population() -
 def test_a_population_walks_along_a_tube_and_stays_in_it(method: type[NSGA2] | type[MOPSO]) -> None:
     """From (1, 0) both ways along the circle, all proved; the same seed gives the same points."""
     problem = tube_problem(Tube())
-    one, two = (method(1, population=20, generations=45).pareto(problem, PAIR) for _ in range(2))
+    told: list[Record] = []
+    one, two = (method(1, population=20, generations=45, found=told.append).pareto(problem, PAIR) for _ in range(2))
     assert_array_equal(np.array(one.xs), np.array(two.xs))
     start = Front.of(problem, PAIR, [problem.guess(np.random.default_rng(0))], method="", seed=None, seconds=0.0)
     front = Front.of(problem, PAIR, one.xs, method="", seed=None, seconds=0.0)
+    assert len(told) == 4 and [point["x"] for point in told[1]["points"]] == [x.tolist() for x in one.xs]
     assert one.info["moved"] and one.info["legs"] == 2 and len(front) > 3
     assert all(front.ideal[name] < start.ideal[name] - 1e-4 for name in PAIR)
 
