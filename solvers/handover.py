@@ -42,10 +42,10 @@ class FromPoints(Multistart):
 def chosen_of(run: Evolution, target: PymooProblem, count: int = HANDED) -> tuple[Array, ...]:
     """The best individual of all, and of the better half of the last generation those that are farthest apart.
 
-    A population that walked is about its best: that one goes for all.
+    A population that walked is about its best, which goes for all; from where it began there may be another way down.
     """
-    if run.legs:
-        return (run.best[0],)
+    if run.start is not None:
+        return (run.best[0], run.start)
     x = target.meant(run.last[: max(int(HALF * len(run.last)), 1)])
     found = [run.best[0] if len(run.best) else x[0]]
     box = np.where(target.xu > target.xl, target.xu - target.xl, 1.0)

@@ -83,3 +83,11 @@ def test_files_and_targets_that_a_page_names_are_there(page: Path) -> None:
     assert not [name for name in named if not (ROOT / name).exists()]
     assert not [name for name in modules if not (ROOT / (name.replace(".", "/") + ".py")).is_file()]
     assert not [name for name in targets if name not in known]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_commands_in_the_text_have_the_options_they_name(page: Path) -> None:
+    known = typer.main.get_command(app).commands
+    for command, rest in re.findall(r"`ocp-traj (\w+)([^`]*)`", page.read_text(encoding="utf-8")):
+        options = {name for parameter in known[command].params for name in (*parameter.opts, *parameter.secondary_opts)}
+        assert set(re.findall(r"(?<![\w-])--?[a-z][\w-]*", rest)) <= options, f"ocp-traj {command}{rest}"

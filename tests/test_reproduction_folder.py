@@ -97,7 +97,14 @@ def test_folders_and_pictures_that_cannot_be_are_refused_before_work(tmp_path: P
     assert not (tmp_path / "new").exists()
 
 
-@pytest.mark.parametrize("arguments", [["nothing", "-o", "new"], ["hybrid-spline", "-o", "new", "--pictures", "gif"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["nothing", "-o", "new"],
+        ["hybrid-spline", "-o", "new", "--pictures", "gif"],
+        ["hybrid-spline", "--pictures", "svg"],
+    ],
+)
 def test_wrong_arguments_leave_no_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

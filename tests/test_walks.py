@@ -16,8 +16,10 @@ from ocp_traj.evolution.local_frame import LocalFrame
 from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.formulation.requirements import PathConstraint, Requirements
+from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.results.front import Front
 from ocp_traj.solvers.ga import GA
+from ocp_traj.solvers.handover import chosen_of
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.nsga2 import NSGA2
 from ocp_traj.solvers.pso import PSO
@@ -154,3 +156,16 @@ def test_what_cannot_move_is_refused_with_the_reason() -> None:
     )
     with pytest.raises(NoSolutionFound, match="nothing better than the one guess it began with"):
         NSGA2(1, population=8, generations=4).pareto(still, PAIR)
+
+
+def test_of_a_walk_its_best_and_its_start_are_refined() -> None:
+    """Both lead to the end of what is across; it is no farther than the walk's best, and proved."""
+    problem = tube_problem(Tube())
+    swarm = PSO(1, population=20, generations=10)
+    run, target = swarm.run(problem, "across")
+    best, start = chosen_of(run, target)
+    assert_array_equal(start, problem.guess(np.random.default_rng(0)))
+    assert_array_equal(best, run.best[0])
+    found = replace(swarm, refine=True).solve(problem, WeightedSum({"across": 1.0}))
+    assert found.audit is not None and found.audit.proved
+    assert found.f < target.population.evaluate(best).objectives[0, 0] - 0.1

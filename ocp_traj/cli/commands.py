@@ -469,7 +469,9 @@ def reproduce(
         Path | None,
         typer.Option("-o", "--output", metavar="FOLDER", help="Write tables (CSV, Markdown) and figures to it."),
     ] = None,
-    pictures: Annotated[str, typer.Option(metavar="png[,svg][,pdf]", help="How figures are written.")] = "png",
+    pictures: Annotated[
+        str | None, typer.Option(metavar="png[,svg][,pdf]", help="How figures are written; png if not given.")
+    ] = None,
     json: AsJson = False,
 ) -> int:
     """Puts a paper's tables and figures beside ours.
@@ -485,7 +487,10 @@ def reproduce(
     require_known(problem)
     folder = None
     if output is not None:
-        folder = ReproductionFolder(output, tuple(name.strip().lower() for name in pictures.split(",") if name.strip()))
+        kinds = [name.strip().lower() for name in ("png" if pictures is None else pictures).split(",")]
+        folder = ReproductionFolder(output, tuple(name for name in kinds if name))
+    elif pictures is not None:
+        raise InputError("--pictures is of the figures in a folder; give -o FOLDER too")
     try:
         with console.progress("reproducing") as progress:
             keep = ignore if folder is None else folder.keep

@@ -162,6 +162,7 @@ class Evolution:
         champions: decision vectors ``(generations, n)`` of the best feasible individual so far in the first objective;
             NaN where there is none.
         legs: frames in which it walked, see ``legs``; 0 where it searched in the problem's own variables.
+        start: from where it walked ``(n,)``; None where it did not.
     """
 
     best: Array
@@ -172,6 +173,7 @@ class Evolution:
     last: Array
     champions: Array
     legs: int = 0
+    start: Array | None = None
 
     def reached(self, value: float) -> int | None:
         """Evaluations after which the best value was at most this, or None."""

@@ -180,5 +180,5 @@ def evolved(
     )
     return Evolution(
         walk.xs, history, time.perf_counter() - begun, run.interrupted and done < generations,
-        gains_on(walk.f, began), walk.target.meant(run.last), np.concatenate(champions)[better], walk.legs,
+        gains_on(walk.f, began), walk.target.meant(run.last), np.concatenate(champions)[better], walk.legs, start,
     )  # fmt: skip
