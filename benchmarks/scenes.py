@@ -3,10 +3,11 @@
 A folder has to hold, for each of ``ur5`` and ``panda``, ``ROBOT_spherized.urdf``, ``ROBOT.srdf`` and folders with
 ``sceneNNNN.yaml`` and ``requestNNNN.yaml``; see docs/formats.md. Each finished part of a problem is a line of a file:
 a run that was stopped goes on where it was. A proved motion is looked at in 100 000 places by code of its own
-(``sphere_robot``). Seconds are of the processor, building and proof included; a start that has not led to a proof after
-``--seconds`` counts as failed, and so does a problem after as many.
+(``sphere_robot``). Seconds are of the processor, building and proof included: starts are stopped after ``--seconds``,
+what they have by then is proved, and what is proved within ``WITHIN`` counts as in time. With ``--page`` all that came
+of it becomes a section of RESULTS.md.
 
-    python -m benchmarks.scenes FOLDER [--every 10] [--seconds 20] [--output scenes.jsonl]
+    python -m benchmarks.scenes FOLDER [--every 10] [--seconds 17] [--output scenes.jsonl] [--page]
 """
 
 from __future__ import annotations
@@ -17,14 +18,13 @@ import os
 import signal
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import ruckig
 import toppra
 from numpy.typing import NDArray
@@ -32,6 +32,8 @@ from toppra.algorithm import TOPPRA
 from toppra.constraint import JointAccelerationConstraint, JointVelocityConstraint
 
 import ocp_traj as ot
+from benchmarks.scenes_table import contradicted, section_of
+from benchmarks.sections import put
 from benchmarks.sphere_robot import Cell, SphereRobot
 from ocp_traj import problems
 from ocp_traj.files import write_text
@@ -44,6 +46,7 @@ Array = NDArray[np.float64]
 
 SAMPLES = 100_000  # of a proved motion
 OMPL_SECONDS = 8.0  # of RRT-Connect
+WITHIN = 20.0  # seconds of the processor: a problem that takes longer is not solved in time
 FINE = 0.02  # [rad] between postures that OMPL's edges are checked at
 GRID = 400  # of TOPP-RA
 SOLVER = Exchange(Ipopt(max_iter=200))  # a start that needs more seldom leads anywhere: the next one counts
@@ -222,51 +225,19 @@ def measured(part: str, folder: Path, place: tuple[str, str, int], seconds: floa
             return {"refused": str(error)}
 
 
-COLUMNS = {
-    "robot": "", "scene": "", "number": 0, "own": None, "own s": np.nan, "own time": np.nan, "own least": np.nan,
-    "ompl": None, "ompl s": np.nan, "toppra": np.nan, "unobstructed": np.nan, "from ompl": None, "from ompl s": np.nan,
-    "from ompl time": np.nan, "from ompl least": np.nan,
-}  # fmt: skip
-
-
-def report(rows: Sequence[dict[str, Any]]) -> bool:
-    """Prints the table and the sums; whether no proof is contradicted."""
-    table = pd.DataFrame([{name: row.get(name, default) for name, default in COLUMNS.items()} for row in rows])
-    print(table.round(4).to_string(index=False))
-    for robot, part in table.groupby("robot"):
-        print(f"{robot}: {len(part)} problems")
-        for word in ("own", "from ompl"):
-            tried, done = part[part[word].notna()], part[part[word].eq(True)]
-            ratio = (done[f"{word} time"] / done["toppra"]).dropna()
-            print(
-                f"  {word}: {len(done)} of {len(tried)} solved and proved, in {done[f'{word} s'].median():.1f} s in "
-                f"the median; duration over that of TOPP-RA on OMPL's path: median {ratio.median():.3f} of {len(ratio)}"
-            )
-        bound = (part["unobstructed"] / part["toppra"]).dropna()
-        print(f"  least with nothing in the way over that of TOPP-RA: median {bound.median():.3f} of {len(bound)}")
-        asked = part[part["ompl"].notna()]
-        print(f"  OMPL: {int(asked['ompl'].eq(True).sum())} of {len(asked)}, in {asked['ompl s'].median():.1f} s")
-    for row in rows:
-        words = [f"{word}: {row[f'{word} reason']}" for word in ("own", "from ompl") if row.get(f"{word} reason")]
-        for reason in [*words, *([f"refused: {row['refused']}"] if row.get("refused") else [])]:
-            print(f"{row['robot']} {row['scene']} {row['number']}, {reason}")
-    least = table[["own least", "from ompl least"]].to_numpy().ravel()
-    least = least[np.isfinite(least)]
-    wrong = int((least < 0.0).sum())
-    nearest = f"; the least clearance of all is {least.min():.3g} m" if len(least) else ""
-    print(f"{len(least)} proofs, {wrong} contradicted by {SAMPLES} samples a motion{nearest}")
-    return wrong == 0
-
-
 def main() -> None:
     """Runs what is not in the output yet, and prints all."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--every", type=int, default=1, help="of how many problems one is taken")
     parser.add_argument("--offset", type=int, default=0, help="the first that is taken")
-    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument(
+        "--seconds", type=float, default=17.0, help="after which a start is stopped; its last proof comes on top"
+    )
     parser.add_argument("--tries", type=int, default=8, help="seeds of own starts")
     parser.add_argument("--parts", default="own,ompl", help="of each problem, in this order")
+    parser.add_argument("--most", type=int, default=10**9, help="problems, of which those that are done count")
+    parser.add_argument("--page", action="store_true", help="put what came of it on the page of results")
     parser.add_argument("--output", type=Path, default=Path("scenes.jsonl"))
     asked = parser.parse_args()
     toppra.setup_logging("ERROR")
@@ -280,7 +251,7 @@ def main() -> None:
         place = row["robot"], row["scene"], row["number"]
         parts.add((row.pop("part"), *place))
         done.setdefault(place, {}).update(row)
-    for place in wanted[asked.offset :: asked.every]:
+    for place in wanted[asked.offset :: asked.every][: asked.most]:
         for part in asked.parts.split(","):
             if (part, *place) in parts:
                 continue
@@ -290,7 +261,14 @@ def main() -> None:
             with asked.output.open("a") as file:
                 file.write(json.dumps({"part": part, **row}) + "\n")
             print({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()}, flush=True)
-    raise SystemExit(not report(list(done.values())))
+    rows = list(done.values())
+    if rows:
+        command = f"python -m benchmarks.scenes FOLDER --seconds {asked.seconds:g} --every {asked.every}"
+        text = section_of(rows, command, WITHIN, SAMPLES, len(wanted))
+        print(text)
+        if asked.page:
+            put("scenes", text)
+    raise SystemExit(contradicted(rows)[1] > 0)
 
 
 if __name__ == "__main__":

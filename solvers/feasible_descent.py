@@ -48,7 +48,9 @@ ENOUGH = 5e-3  # relative gain of a step, or of a program's solution, below whic
 STEPS = 40  # at most
 AUDITED = 4  # steps from one proof to the next: our choice
 # Few iterations from a start that keeps the limits: a low barrier, and rows no finer than the margin; our choice.
-SOLVER = Ipopt(tol=1e-3, max_iter=40, options={"mu_init": 1e-3, "constr_viol_tol": 1e-3, "acceptable_tol": 1e-2})
+SOLVER = Ipopt(
+    tol=1e-3, max_iter=40, options={"mu_init": 1e-3, "constr_viol_tol": 1e-3, "acceptable_tol": 1e-2}, explain=False
+)
 
 
 def descends(problem: Problem, scalarisation: Scalarisation) -> bool:

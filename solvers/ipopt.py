@@ -100,6 +100,7 @@ class Ipopt:
         linear_solver: of ``LINEAR_SOLVERS``.
         feasibility: scaled violation up to which a point counts as feasible, whatever IPOPT says.
         options: further IPOPT options, by their own names.
+        explain: whether limits in conflict are looked for where it ends infeasible, which takes some solves.
     """
 
     tol: float = 1e-8
@@ -108,6 +109,7 @@ class Ipopt:
     linear_solver: str = "mumps"
     feasibility: float = 1e-7
     options: Mapping[str, Any] = field(default_factory=dict)
+    explain: bool = True
 
     def __post_init__(self) -> None:
         """Checks the linear solver."""
@@ -143,7 +145,7 @@ class Ipopt:
             finer = scaled._run(nlp, solution.x, None, begun)
             if finer.ok and finer.f <= solution.f:
                 solution = replace(finer, iterations=solution.iterations + finer.iterations)
-        if solution.status is Status.LOCALLY_INFEASIBLE:
+        if solution.status is Status.LOCALLY_INFEASIBLE and self.explain:
             return replace(solution, conflicts=self.conflicts(nlp, solution.x), seconds=time.perf_counter() - begun)
         return solution
 

@@ -11,6 +11,8 @@ from ocp_traj.paths.connecting_trees import Space, connect, shortened
 STEP = 0.004  # between points that are looked at, of the norm of q / speed: a proof seldom finds less than these
 PASSES = 20  # of shortening a mended polyline: our choice
 ATTEMPTS = 6  # plans: our choice
+# Of so many that are clear the shortest is taken, and no other is looked for once so many points were looked at: ours
+PLANS, PATIENCE = 5, 45_000
 MOST = 8000  # points that are looked at to mend one edge: our choice
 
 
@@ -31,6 +33,8 @@ def clear_polyline(ways: Ways, leg: int, most: int, rng: np.random.Generator) ->
     ends = ways.points[leg], ways.points[leg + 1]
     space, given = ways.space(*ends, step=STEP), ways.given(leg)
     vain: set[float] = set()
+    found: list[Array] = []
+    begun = ways.looked
     for _ in range(ATTEMPTS):
         path = ways.planned(leg, rng, False, vain) if given is None else given
         path = None if path is None else _mended(space, path, rng)
@@ -43,8 +47,10 @@ def clear_polyline(ways: Ways, leg: int, most: int, rng: np.random.Generator) ->
             path = _mended(space, shortened(space, path, rng, PASSES), rng)
             path = None if path is None else _pruned(space, path)
         if path is not None and len(path) - 1 <= most:
-            return path
-    return None
+            found.append(path)
+        if found and (given is not None or len(found) == PLANS or ways.looked - begun > PATIENCE):
+            break
+    return min(found, key=lambda path: float(space.distance(path[1:], path[:-1]).sum()), default=None)
 
 
 def _mended(space: Space, path: Array, rng: np.random.Generator) -> Array | None:
