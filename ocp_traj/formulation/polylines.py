@@ -10,9 +10,9 @@ from ocp_traj.paths.connecting_trees import Space, connect, shortened
 
 STEP = 0.004  # between points that are looked at, of the norm of q / speed: a proof seldom finds less than these
 PASSES = 20  # of shortening a mended polyline: our choice
-ATTEMPTS = 6  # plans: our choice
-# Of so many that are clear the shortest is taken, and no other is looked for once so many points were looked at: ours
-PLANS, PATIENCE = 5, 45_000
+# Of so many plans the shortest that can be mended is taken, or of fewer, where one took so many points to find; and
+# so often, where none can be: our choice.
+PLANS, PATIENCE, ROUNDS = 4, 5_000, 3
 MOST = 8000  # points that are looked at to mend one edge: our choice
 
 
@@ -32,25 +32,44 @@ def clear_polyline(ways: Ways, leg: int, most: int, rng: np.random.Generator) ->
     """
     ends = ways.points[leg], ways.points[leg + 1]
     space, given = ways.space(*ends, step=STEP), ways.given(leg)
+    if given is not None:
+        path = _mended(space, given, rng)
+        return path if path is None or len(path) - 1 <= most else _cut(space, path, most, rng)
     vain: set[float] = set()
-    found: list[Array] = []
-    begun = ways.looked
-    for _ in range(ATTEMPTS):
-        path = ways.planned(leg, rng, False, vain) if given is None else given
-        path = None if path is None else _mended(space, path, rng)
-        if path is not None and given is None:  # what is cut off is looked at less closely, and may have to be mended
-            short = _mended(space, shortened(ways.space(*ends), path, rng), rng)
-            path = _pruned(space, path if short is None else short)
-        elif path is not None and len(path) - 1 > most:
-            path = _pruned(space, path)
-        if path is not None and len(path) - 1 > most:
-            path = _mended(space, shortened(space, path, rng, PASSES), rng)
-            path = None if path is None else _pruned(space, path)
-        if path is not None and len(path) - 1 <= most:
-            found.append(path)
-        if found and (given is not None or len(found) == PLANS or ways.looked - begun > PATIENCE):
+    for _ in range(ROUNDS):
+        for plan, short in _plans(ways, leg, rng, vain):
+            # What is cut off is looked at less closely, and may be beyond mending.
+            for path in (short, plan):
+                mended = _mended(space, path, rng)
+                path = None if mended is None else _cut(space, mended, most, rng)
+                if path is not None:
+                    return path
+    return None
+
+
+def _plans(ways: Ways, leg: int, rng: np.random.Generator, vain: set[float]) -> list[tuple[Array, Array]]:
+    """Some plans, each as it is and shortened, the shortest first."""
+    space = ways.space(ways.points[leg], ways.points[leg + 1])
+    found: list[tuple[float, int, Array, Array]] = []
+    for _ in range(PLANS):
+        plan = ways.planned(leg, rng, False, vain)
+        if plan is not None:
+            short = shortened(space, plan, rng)
+            found.append((float(space.distance(short[1:], short[:-1]).sum()), len(found), plan, short))
+        if ways.looked > PATIENCE:
             break
-    return min(found, key=lambda path: float(space.distance(path[1:], path[:-1]).sum()), default=None)
+    return [(plan, short) for _, _, plan, short in sorted(found, key=lambda one: one[:2])]
+
+
+def _cut(space: Space, path: Array, most: int, rng: np.random.Generator) -> Array | None:
+    """A path of so few edges; None where that fails."""
+    path = _pruned(space, path)
+    if len(path) - 1 > most:
+        mended = _mended(space, shortened(space, path, rng, PASSES), rng)
+        if mended is None:
+            return None
+        path = _pruned(space, mended)
+    return path if len(path) - 1 <= most else None
 
 
 def _mended(space: Space, path: Array, rng: np.random.Generator) -> Array | None:

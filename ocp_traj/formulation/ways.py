@@ -50,7 +50,7 @@ class Ways:
         self.points, self.robot, self.clearances, self.planner = points, robot, clearances, planner
         self._given = None if given is None else _legs_of(given, points, robot, name)
         self._scans: dict[float, ClearanceScan] = {}
-        self.looked = 0  # how many points planners of its own have looked at
+        self.looked = 0  # how many points the last search looked at
 
     def __call__(self, begin: int, end: int, rng: np.random.Generator) -> Rounded | None:
         """A motion from via point ``begin`` to ``end``, past those between; None where no way was found.
@@ -93,7 +93,7 @@ class Ways:
                 path = ompl_path(space, start, goal, int(rng.integers(2**31 - 1)), MOST)
             else:
                 path = connect(space, start, goal, rng, MOST if room == 0.0 else MOST // 4)
-                self.looked += space.looked
+            self.looked = space.looked
             if path is not None:
                 return shortened(space, path, rng) if short else path
             if room:
