@@ -54,7 +54,7 @@ test: $(VENV)/.installed-dev
 
 # In the order of their files: the longest have the fewest tests, and would come last.
 test-slow: $(VENV)/.installed-dev
-	$(PYTEST) --no-loadscope-reorder -m slow
+	$(PYTEST) --no-loadscope-reorder -m slow --durations=40 --durations-min=5
 
 # In one process: they share a browser.
 test-browser: $(VENV)/.installed-dev

@@ -35,8 +35,11 @@ TABLES = ("toppra", "ruckig", "guo", "fronts", "collocation", "clearance", "size
 LONGEST = 1200.0  # [s] of a process of its own, after which it is ended: our choice
 HOW = """## Side by side: how it was measured
 
-{machine}; {versions}. Seconds are of the processor, one thread, building and, for ours, proof included; imports and a
-first call to warm up are not. Every trajectory of every tool is judged by `benchmarks/judge.py`: a scan of 20 000
+{machine};
+{versions}.
+
+Seconds are of the processor, one thread, building and, for ours, proof included; imports and a first call to warm up
+are not. Every trajectory of every tool is judged by `benchmarks/judge.py`: a scan of 20 000
 instants of the tool's own evaluation, torques by pinocchio, and the audit of the same motion as Bezier pieces. Excess
 is relative to the limit. Peers are scripts of at most 60 lines in `benchmarks/peers/`, as their manuals write them.
 Planning in clutter beside OMPL and TOPP-RA is a table of its own, `make bench-scenes SCENES=FOLDER`, and left out

@@ -72,7 +72,7 @@ ROWS = {
         "weld-bezier", ("air_time", "dynamic_effort"), (4.23322, 0.0163711), (9.0, 0.05), 4.2332295,
         {"case": "air-move"},
     ),
-    SEAM: Row("weld-bezier", ("air_time", "movement"), (6.97691, 2.28997), (12.0, 25.0), 6.9769),
+    SEAM: Row("weld-bezier", ("air_time", "movement"), (6.97691, 2.28997), (12.0, 25.0), 6.9689165),
     "ur5-via": Row(
         "task", ("time", "effort"), (2.86825, 0.43085), (13.691358, 3.1935421), 2.86825, {"file": str(EXAMPLE)}
     ),

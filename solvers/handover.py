@@ -12,7 +12,8 @@ import numpy as np
 
 from ocp_traj.arrays import Array
 from ocp_traj.errors import NoSolutionFound
-from ocp_traj.evolution.evolution import Evolution, PymooProblem, solution_of
+from ocp_traj.evolution.evolution import Evolution, PymooProblem
+from ocp_traj.evolution.outcome import solution_of
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.results.incumbent import no_worse_than

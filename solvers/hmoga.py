@@ -30,8 +30,9 @@ from pymoo.operators.mutation.pm import PM
 from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.evolution.elitism import ControlledElitism
-from ocp_traj.evolution.evolution import WORST, PymooProblem, ended_after, evolve
+from ocp_traj.evolution.evolution import WORST, PymooProblem, evolve
 from ocp_traj.evolution.generations import Watch
+from ocp_traj.evolution.outcome import ended_after
 from ocp_traj.formulation.case import check, count, number, share
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent

@@ -23,7 +23,8 @@ from pymoo.util.ref_dirs import get_reference_directions
 from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
 from ocp_traj.errors import NoSolutionFound
-from ocp_traj.evolution.evolution import PymooProblem, ended_after, evolve
+from ocp_traj.evolution.evolution import PymooProblem, evolve
+from ocp_traj.evolution.outcome import ended_after
 from ocp_traj.formulation.case import check, choice, count, number, share
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent

@@ -17,8 +17,9 @@ from pymoo.operators.mutation.pm import PM
 
 from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.evolution.evolution import PymooProblem, front_of
+from ocp_traj.evolution.evolution import PymooProblem
 from ocp_traj.evolution.legs import evolved
+from ocp_traj.evolution.outcome import front_of
 from ocp_traj.formulation.case import check, count, number, share
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.progress import Progress, silent

@@ -17,8 +17,9 @@ from pymoo.algorithms.soo.nonconvex.pso import PSO as PymooPSO
 
 from ocp_traj.arrays import Array
 from ocp_traj.blas import one_blas_thread
-from ocp_traj.evolution.evolution import Evolution, PymooProblem, single_objective, solution_of
+from ocp_traj.evolution.evolution import Evolution, PymooProblem
 from ocp_traj.evolution.legs import evolved
+from ocp_traj.evolution.outcome import single_objective, solution_of
 from ocp_traj.formulation.case import check, choice, count, number, share
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import Scalarisation

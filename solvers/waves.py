@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from weakref import WeakKeyDictionary
 
 from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
@@ -68,6 +69,7 @@ class Solves:
         self.problem, self.workers, self.found = problem, workers, found
         self.solver = replace(solver, progress=silent)
         self.solves = self.iterations = self.failed = 0
+        self._told = WeakKeyDictionary[Solution, Record]()  # what a worker has said of one need not be written again
         self._waiting: list[tuple[Scalarisation, Solution, Callable[[Solution, Solution], None]]] = []
 
     def begin(self, request: Request) -> Begun:
@@ -155,6 +157,8 @@ class Solves:
         for (scalar, found), (path, audit) in zip(pairs, audited, strict=True):
             if audit.proved:
                 proved.append(replace(found, trajectory=path, audit=audit))
+                if found in self._told:
+                    self._told[proved[-1]] = self._told[found]
             elif again:
                 proved.append(self._solution(self._submit(scalar, found.x, self.solver, found)))
             else:
@@ -166,12 +170,17 @@ class Solves:
     ) -> Pending:
         arguments = {"solver": solver, "scalarisation": scalarisation, "x0": x0}
         if warm is not None:
-            arguments["warm"] = {"solution": of_solution(warm), **({KEY: warm.key} if warm.key else {})}
+            told = self._told.get(warm)
+            arguments["warm"] = {
+                "solution": of_solution(warm) if told is None else told, **({KEY: warm.key} if warm.key else {})
+            }  # fmt: skip
         return self.workers.submit(Job(SOLVE, self.problem, arguments))
 
     def _solution(self, pending: Pending) -> Solution:
         answer = pending.result()
-        return replace(solution_of(answer["solution"], self.problem), key=answer[KEY])
+        solution = replace(solution_of(answer["solution"], self.problem), key=answer[KEY])
+        self._told[solution] = answer["solution"]
+        return solution
 
 
 @dataclass(frozen=True, eq=False)

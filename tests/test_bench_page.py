@@ -11,7 +11,7 @@ from benchmarks import bench
 from benchmarks.bench import TABLES
 from benchmarks.exact_curves import of_states, of_timed_path
 from benchmarks.judge import INSTANTS, Made, of_curve, scan
-from benchmarks.lines import Cell, Lines
+from benchmarks.lines import Cell, Figures, Lines
 from benchmarks.sections import RESULTS, cited_figures, disagreements, put
 from benchmarks.tables.sizes import exponent
 
@@ -76,6 +76,37 @@ class OneTable:
 
     def behind(self, lines: Lines) -> list[str]:
         return ["slower"]
+
+
+class TwoCells(OneTable):
+    """A table whose second cell fails the first time."""
+
+    def __init__(self) -> None:
+        self.asked: list[int] = []
+
+    def cells(self, quick: bool) -> list[Cell]:
+        return [Cell("tool", "subject", "", repeat) for repeat in range(2 if quick else 3)]
+
+    def measure(self, cell: Cell) -> Figures:
+        self.asked.append(cell.repeat)
+        if cell.repeat == 1 and self.asked.count(1) == 1:
+            raise ArithmeticError("the tool gave up")
+        return {"cpu": float(cell.repeat)}
+
+
+def test_a_run_goes_on_where_it_was_and_tries_what_failed_once_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = TwoCells()
+    monkeypatch.setattr(bench, "load", lambda name: table)
+    bench.measure("guo", True, tmp_path, fresh=False)
+    failed = Lines(tmp_path / "guo.jsonl").of(repeat=1)
+    assert [one["failed"] for one in failed] == ["ArithmeticError: the tool gave up"]
+    bench.measure("guo", False, tmp_path, fresh=False)
+    assert table.asked == [0, 1, 1, 2]
+    assert [one["cpu"] for one in Lines(tmp_path / "guo.jsonl").of()] == [0.0, 1.0, 2.0]
+    bench.measure("guo", True, tmp_path, fresh=True)
+    assert table.asked == [0, 1, 1, 2, 0, 1]
 
 
 def test_a_page_of_one_table_keeps_what_is_said_of_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,10 +11,10 @@ from rockit import DirectCollocation, FreeTime, MultipleShooting, Ocp
 
 Array = NDArray[np.float64]
 SETTINGS = {  # intervals from one point to the next, method, where limits are looked at
+    "10, multiple shooting": (10, "shooting", "control"),
     "10, collocation, at its points": (10, "collocation", "integrator_roots"),
     "20, collocation, at its points": (20, "collocation", "integrator_roots"),
     "10, collocation, at the intervals' ends": (10, "collocation", "control"),
-    "10, multiple shooting": (10, "shooting", "control"),
 }
 
 

@@ -279,5 +279,10 @@ def behind(lines: Lines) -> list[str]:
                         "pieces cannot."
                     )
                 if quicker and np.median(quicker) < 1.0:
-                    words.append(f"`{subject}`: {tool}, {tried}, takes {median(quicker)} times our seconds, unproved.")
+                    proved = all(figures["proved"] for figures in done(lines, **one))
+                    legal = "legal, as the audit finds" if proved else "not legal, as the audit finds"
+                    words.append(
+                        f"`{subject}`: {tool}, {tried}, takes {median(quicker)} times our seconds for a motion that is "
+                        f"{legal}; ours are with several levels of pieces and the proof."
+                    )
     return words

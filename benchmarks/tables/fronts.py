@@ -51,10 +51,10 @@ All that was tried:
 
 {tried}
 
-What it means: a front that is traced by Newton steps from point to point ends proved; what evolution finds is feasible
-where it looks and often broken between, which can make it look larger than any front there is. Peers are ahead where
-they fill a front with more points in a short time, or where a trace follows one of many local optima; and they need no
-derivatives."""
+What it means: a front that is traced by local solves, each from its neighbours, ends proved; what evolution finds
+is feasible where it looks and often broken between, which can make it look larger than any front there is. Peers
+are ahead where they fill a front with more points in a short time, or where a trace follows one of many local
+optima; and they need no derivatives."""
 
 
 class InBox(PymooProblem):
@@ -229,6 +229,7 @@ def behind(lines: Lines) -> list[str]:
     """Problems and times at which a peer's front, as it found it, is larger than ours."""
     words = []
     for problem in subjects(lines):
+        distance = igd_plus(lines, problem)
         for seconds in dict.fromkeys(cell.setting.partition(",")[0] for cell in lines.found):
             ours = done(lines, subject=problem, tool=OURS, setting=seconds)
             if not ours:
@@ -238,6 +239,15 @@ def behind(lines: Lines) -> list[str]:
                 setting = best_setting(lines, problem, tool, seconds)
                 some = done(lines, subject=problem, tool=tool, setting=setting) if setting else []
                 theirs = float(np.median([one["as found"] for one in some])) if some else 0.0
+                far = [
+                    [value for cell, value in distance.items() if (cell.tool, cell.setting) == one]
+                    for one in ((OURS, seconds), (tool, setting))
+                ]
+                if all(far) and len(far[1]) == len(some) and np.median(far[1]) < np.median(far[0]):
+                    words.append(
+                        f"`{problem}`, {seconds}: IGD+ of {tool} ({setting}) is {median(far[1], '.2g')}, ours "
+                        f"{median(far[0], '.2g')}: more points, each a little worse."
+                    )
                 if theirs > own + 5e-5:
                     proved = float(np.median([one["hypervolume"] for one in some]))
                     words.append(

@@ -149,7 +149,7 @@ Settings of Ruckig's synchronisation, tried on the first row; the first is used 
 
 What it means: Ruckig's durations are the optimum where limits end with jerk; ours come within the ratio above with
 pieces of polynomials, and keep torques and snap besides, of which Ruckig knows nothing. Ruckig is ahead in seconds by
-four to five orders: it has the optimum in closed form, made for a control cycle. Where limits end with jerk and there
+four orders or more: it has the optimum in closed form, made for a control cycle. Where limits end with jerk and there
 is nothing on the way, use Ruckig."""
 
 

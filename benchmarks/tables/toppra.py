@@ -32,12 +32,13 @@ TITLE = "Paths whose geometry is kept, beside TOPP-RA"
 POINTS = 6
 NEARER = 0.6  # our choice
 PIECES, PIECES_WITH_JERK = 16, 8  # from one point to the next: our choice
+FEWER = {"8 pieces": 8, "4 pieces": 4}  # tried beside it
 TEXT = """Random paths through {points} points, the same cubic spline over chord length for both, from rest to rest,
 limits on velocity, acceleration and, where a mass is named, torques with that payload. Excess is of the scan.
 
 {rows}
 
-TOPP-RA's settings, tried on `ur5`; the first is used above:
+TOPP-RA's settings, tried on `ur5`, of which the first is used above, and ours of fewer pieces than {pieces} a leg:
 
 {settings}
 
@@ -106,10 +107,9 @@ def cells(quick: bool) -> Iterator[Cell]:
             yield Cell("ours", name, "", seed)
             if ground.jerk is None:
                 yield Cell("TOPP-RA", name, BEST, seed)
-    for setting in SETTINGS:
-        for seed in range(3 if quick else 5):
-            if setting != BEST:
-                yield Cell("TOPP-RA", "ur5", setting, seed)
+    for seed in range(3 if quick else 5):
+        yield from (Cell("TOPP-RA", "ur5", setting, seed) for setting in SETTINGS if setting != BEST)
+        yield from (Cell("ours", "ur5", setting, seed) for setting in FEWER)
 
 
 def measure(cell: Cell) -> Figures:
@@ -122,7 +122,7 @@ def measure(cell: Cell) -> Figures:
         for name in ("velocity", "acceleration", "jerk", "effort")
         if arm.limits.bounds(name) is not None and (name != "effort" or ground.payload is not None)
     }
-    pieces = PIECES if ground.jerk is None else PIECES_WITH_JERK
+    pieces = FEWER.get(cell.setting, PIECES if ground.jerk is None else PIECES_WITH_JERK)
     if cell.tool == "ours":
         ot.solve(retimed(arm, along, 1), certify=False)  # warm
         begun, wall = time.process_time(), time.perf_counter()
@@ -154,11 +154,12 @@ def text(lines: Lines) -> str:
     """The section."""
     rows = []
     for name, ground in GROUNDS.items():
-        ours, theirs = done(lines, tool="ours", subject=name), done(lines, tool="TOPP-RA", subject=name, setting=BEST)
+        ours = done(lines, tool="ours", subject=name, setting="")
+        theirs = done(lines, tool="TOPP-RA", subject=name, setting=BEST)
         rows.append([
             f"{name}, {ground.acceleration:g} rad/s2" + (f", {ground.payload:g} kg" if ground.payload else "")
             + (f", {ground.jerk:g} rad/s3" if ground.jerk else ""),
-            f"{sum(one['proved'] for one in ours)} of {len(lines.of(tool='ours', subject=name))}",
+            f"{sum(one['proved'] for one in ours)} of {len(lines.of(tool='ours', subject=name, setting=''))}",
             f"{sum(one['proved'] for one in theirs)} of {len(theirs)}" if ground.jerk is None else "has no jerk limit",
             spread(_over(lines, "duration", name), ".4f"),
             percent([one["excess"] for one in ours]), percent([one["excess"] for one in theirs]),
@@ -172,16 +173,21 @@ def text(lines: Lines) -> str:
                       {"tool": "TOPP-RA", "subject": "ur5", "setting": BEST})  # fmt: skip
         settings.append([setting, str(len(some)), spread(over, ".5f"), percent([one["excess"] for one in some]),
                          median([one["cpu"] for one in some])])  # fmt: skip
+    for setting in FEWER:
+        some = done(lines, tool="ours", subject="ur5", setting=setting)
+        over = _over(lines, "duration", "ur5", setting)
+        settings.append([f"ours, {setting}", str(len(some)), spread(over, ".5f"),
+                         percent([one["excess"] for one in some]), median([one["cpu"] for one in some])])  # fmt: skip
     head = (
         "arm, limits", "ours proved", "TOPP-RA proved", "duration, ours over TOPP-RA", "excess, ours",
         "excess, TOPP-RA", "ours [s]", "TOPP-RA [s]", "seconds, ours over TOPP-RA",
     )  # fmt: skip
     tried = table(("setting", "paths", "duration over the first", "excess", "seconds"), settings)
-    return TEXT.format(points=POINTS, rows=table(head, rows), settings=tried)
+    return TEXT.format(points=POINTS, pieces=PIECES, rows=table(head, rows), settings=tried)
 
 
-def _over(lines: Lines, name: str, subject: str) -> list[float]:
-    return ratios(lines, name, {"tool": "ours", "subject": subject},
+def _over(lines: Lines, name: str, subject: str, setting: str = "") -> list[float]:
+    return ratios(lines, name, {"tool": "ours", "subject": subject, "setting": setting},
                   {"tool": "TOPP-RA", "subject": subject, "setting": BEST})  # fmt: skip
 
 
@@ -189,14 +195,14 @@ def cited(lines: Lines) -> dict[str, tuple[str, str]]:
     """Figures by key, with what they are."""
     plain = ("ur5", "panda")
     over = [ratio for name in plain for ratio in _over(lines, "duration", name)]
-    ours = [one for name in GROUNDS for one in done(lines, tool="ours", subject=name)]
+    ours = [one for name in GROUNDS for one in done(lines, tool="ours", subject=name, setting="")]
     theirs = [one["excess"] for name in GROUNDS for one in done(lines, tool="TOPP-RA", subject=name, setting=BEST)]
     if not over:
         return {}
     return {
         "toppra.duration": (median(over, ".3f"), "duration over TOPP-RA's, median, velocity and acceleration bounded"),
         "toppra.proved": (
-            f"{sum(one['proved'] for one in ours)} of {len(lines.of(tool='ours'))}",
+            f"{sum(one['proved'] for one in ours)} of {len(lines.of(tool='ours', setting=''))}",
             "paths proved, all limits",
         ),
         "toppra.excess": (f"{100 * max(theirs):.2g} %", "TOPP-RA's largest excess over a limit, all paths"),
@@ -208,7 +214,7 @@ def behind(lines: Lines) -> list[str]:
     over = [ratio for name in GROUNDS for ratio in _over(lines, "cpu", name)]
     if not over:
         return []
-    known = [one for one in done(lines, tool="ours") if "rows" in one]
+    known = [one for one in done(lines, tool="ours", setting="") if "rows" in one]
     size, steps = (median([one[name] for one in known], ".0f") for name in ("rows", "iterations"))
     return [
         f"TOPP-RA times a path {spread(over)} times as fast. It finds one speed along the path in two sweeps; ours is "

@@ -24,7 +24,7 @@ from ocp_traj.evolution.evolution import Evolution, PymooProblem, evolve, gains_
 from ocp_traj.evolution.local_frame import LocalFrame
 from ocp_traj.evolution.population import Population
 from ocp_traj.progress import Progress
-from ocp_traj.results.records import Found, ignore
+from ocp_traj.results.records import Found, ignore, of_population
 from ocp_traj.transcription.symbolic import degrees
 
 LEG = 40  # generations: our choice
@@ -141,7 +141,7 @@ def evolved(
         max_seconds: stop after the generation that passes this.
         progress: told after each generation.
         before: called with the algorithm and the number of the generation before it.
-        found: given a record of the best individuals of several objectives, now and then and at the end of a leg.
+        found: given a record of the best individuals of several objectives, of a walk after each leg.
     """
     begun = time.perf_counter()
     start = stuck(target, first, np.random.default_rng([seed, 1]))
@@ -163,8 +163,10 @@ def evolved(
         members = walk.step()
         left = max(max_seconds - (time.perf_counter() - begun), 0.0)
         leg = min(LEG, generations - done)
-        run = evolve(make(members), walk.target, leg, seed + walk.legs, left, shown, told, found=found)
+        run = evolve(make(members), walk.target, leg, seed + walk.legs, left, shown, told)
         walk.add(run.best)
+        if target.n_obj > 1:
+            found(of_population(walk.xs))  # of all legs: the last record counts
         histories.append(run.history)
         champions.append(run.champions)
         done += len(run.history)

@@ -18,8 +18,9 @@ from ocp_traj import api, problems
 from ocp_traj.arrays import Array
 from ocp_traj.errors import NoSolutionFound
 from ocp_traj.evolution.elitism import ControlledElitism
-from ocp_traj.evolution.evolution import PymooProblem, evolve, front_of
+from ocp_traj.evolution.evolution import PymooProblem, evolve
 from ocp_traj.evolution.generations import crowding_distances, spread
+from ocp_traj.evolution.outcome import front_of
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.problems import kr90
 from ocp_traj.progress import Progress

@@ -13,7 +13,7 @@ import pandas as pd
 from ocp_traj import api, problems
 from ocp_traj.arrays import Array
 from ocp_traj.errors import NoSolutionFound
-from ocp_traj.evolution.evolution import solution_of
+from ocp_traj.evolution.outcome import solution_of
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.problems import wrist_obstacle as paper

@@ -29,6 +29,7 @@ _ROW = [field.name for field in fields(Row)]
 _AUDIT_ROW = [field.name for field in fields(AuditRow)]
 _VECTORS = ("slope", "anchor", "sweep_slope")  # of an instant
 _FLOATS = ("f", "violation", "seconds")
+_AS_IS = frozenset({str, int, bool, type(None)})  # asked of each item before it is a call of its own: most are one
 _PLAIN = ("name", "iterations", "row_count", "detail", "starts", "rounds", "moved", "given_up", "interrupted")
 
 
@@ -39,9 +40,9 @@ def exact(value: Any) -> Any:
     if value is None or isinstance(value, str | int):
         return value
     if isinstance(value, Mapping):
-        return {str(key): exact(item) for key, item in value.items()}
+        return {str(key): item if type(item) in _AS_IS else exact(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [exact(item) for item in value]
+        return [item if type(item) in _AS_IS else exact(item) for item in value]
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist() if np.isfinite(value).all() else exact(value.tolist())
     return value

@@ -56,7 +56,8 @@ class Trajectory(Shown, Motion):
         """Checks every limit of its problem at every instant; see ``ocp_traj.results.provenance.audit_motions``."""
         if self.origin is None and not self.problem:
             raise InputError(
-                "this trajectory names no problem; give its limits: ocp_traj.audit(trajectory, requirements)"
+                "this trajectory names no problem; give its limits: --limits FILE, or ocp_traj.audit(trajectory, "
+                "requirements)"
             )
         return audit_motions(self.posed, [self], [self.variables], **options)[0]
 
