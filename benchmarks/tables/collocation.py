@@ -128,7 +128,8 @@ def cells(quick: bool) -> Iterator[Cell]:
                 if tool == "crocoddyl" and subject == AIR:
                     continue  # it knows no friction
                 if find_spec(NEEDS[tool]) is None:
-                    yield Cell(tool, subject, "", 0)
+                    if not repeat:
+                        yield Cell(tool, subject, "", 0)
                     continue
                 settings = peer(tool).SETTINGS
                 for setting in list(settings)[: 1 if quick else None]:
