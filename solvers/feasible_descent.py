@@ -47,10 +47,7 @@ SHRINK = 2.0  # of the radius, where a step does not gain, or runs into somethin
 ENOUGH = 5e-3  # relative gain of a step, or of a program's solution, below which it ends: our choice
 STEPS = 40  # at most
 AUDITED = 4  # steps from one proof to the next: our choice
-# Few iterations from a start that keeps the limits: a low barrier, and rows no finer than the margin; our choice.
-SOLVER = Ipopt(
-    tol=1e-3, max_iter=40, options={"mu_init": 1e-3, "constr_viol_tol": 1e-3, "acceptable_tol": 1e-2}, explain=False
-)
+SOLVER = Ipopt.rough(1e-3, 40)  # no finer than the margin: our choice
 
 
 def descends(problem: Problem, scalarisation: Scalarisation) -> bool:

@@ -124,6 +124,12 @@ class Ipopt:
         """The same with a narrow barrier, which ends in an optimum near its start; the usual one leads across."""
         return replace(self, options={**_NARROW, **self.options})
 
+    @classmethod
+    def rough(cls, accuracy: float, iterations: int) -> Ipopt:
+        """For few iterations from a start that keeps the limits: a low barrier, rows no finer than the accuracy."""
+        options = {"mu_init": accuracy, "constr_viol_tol": accuracy, "acceptable_tol": 10.0 * accuracy}
+        return cls(tol=accuracy, max_iter=iterations, options=options, explain=False)
+
     @one_blas_thread
     def solve(self, nlp: NLP, x0: Array, warm: NLPResult | None = None) -> NLPResult:
         """Solves an NLP from ``x0 (n,)``; Ctrl-C raises ``KeyboardInterrupt`` after the iteration it comes in.

@@ -1,5 +1,7 @@
 """Populations in a narrow tube: no step of the variables stays in it, steps in coordinates about a trajectory do."""
 
+import json
+import re
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -8,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from ocp_traj.arrays import Array
+from ocp_traj.cli.commands import run
 from ocp_traj.curves.bernstein import PiecewiseBezier
 from ocp_traj.errors import NoSolutionFound
 from ocp_traj.evolution.evolution import PymooProblem
@@ -146,19 +149,29 @@ def test_swarm_and_genes_walk_too(method: PSO | GA) -> None:
     assert 800 < target.individuals == run.history["evaluations"].iloc[-1] <= 45 * 20
 
 
-def test_what_cannot_move_is_refused_with_the_reason() -> None:
+def still() -> Problem:
     """Both objectives are least at the guess."""
     problem = tube_problem(Tube())
     x = problem.guess(np.random.default_rng(0))
-    still = replace(
-        problem,
-        objectives=tuple(
-            Objective(name, "rad2", of_variables=lambda v, p, k=k: 1.0 + k * ca.sumsqr(v - ca.DM(x)))
-            for k, name in enumerate(PAIR, 1)
-        ),
+    objectives = tuple(
+        Objective(name, "rad2", of_variables=lambda v, p, k=k: 1.0 + k * ca.sumsqr(v - ca.DM(x)))
+        for k, name in enumerate(PAIR, 1)
     )
+    return replace(problem, id="tests.test_walks:still", objectives=objectives)
+
+
+def test_what_cannot_move_is_refused_with_the_reason() -> None:
     with pytest.raises(NoSolutionFound, match="nothing better than the one guess it began with"):
-        NSGA2(1, population=8, generations=4).pareto(still, PAIR)
+        NSGA2(1, population=8, generations=4).pareto(still(), PAIR)
+
+
+def test_a_best_individual_that_is_the_start_is_no_success(capsys: pytest.CaptureFixture[str]) -> None:
+    sizes = ["--option", "population=8", "--option", "generations=2"]
+    assert run(["solve", still().id, "--objective", "across", "--method", "ga", *sizes, "--json"]) == 1
+    said = capsys.readouterr()
+    found = json.loads(said.out)
+    assert (found["moved"], found["audit"]["verdict"]) == (False, "proved")
+    assert re.search(r"ga: the best of \d+ individuals; none is better than the best of those it began with", said.err)
 
 
 def test_of_a_walk_its_best_and_its_start_are_refined() -> None:

@@ -144,45 +144,18 @@ def test_a_singular_tag_is_named_with_its_value(monkeypatch: pytest.MonkeyPatch)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["nsga2", "mopso"])
-def test_a_front_that_is_the_start_alone_is_no_success(
-    method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_populations_walk_along_the_seam(method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     sizes = ["--option", "population=8", "--option", "generations=2"]
     run_folder = tmp_path / "run"
     command = ["pareto", "weld-bezier", "--objectives", "air_time,movement", "--method", method, *sizes]
-    assert run([*command, "-o", str(run_folder)]) == 1
+    assert run([*command, "-o", str(run_folder)]) == 0
     said = capsys.readouterr()
-    assert f"{method} found nothing better than its first generation" in said.err
     saved = json.loads((run_folder / "run.json").read_text())
-    assert (saved["points"], saved["info"]["moved"]) == (1, False)
+    assert saved["points"] >= 1 and saved["info"]["moved"] and saved["info"]["legs"] == 1
     measured = saved["hypervolume"]
     assert measured["ideal_from"] == "problem" and not measured["own_ideal"]
     assert measured["ideal"] == problems.load("weld-bezier").ideal_point(["air_time", "movement"])
     assert 0.2 < measured["value"] < 0.9 and "not comparable" not in said.out
-
-
-def test_a_best_individual_that_is_the_start_is_no_success(capsys: pytest.CaptureFixture[str]) -> None:
-    assert (
-        run(
-            [
-                "solve",
-                "weld-bezier",
-                "--method",
-                "ga",
-                "--option",
-                "population=8",
-                "--option",
-                "generations=2",
-                "--json",
-            ]
-        )
-        == 1
-    )
-    said = capsys.readouterr()
-    words = "ga: the best of 9 individuals; none is better than the best of those it began with"
-    assert f"feasible, not optimal: {words}" in said.err
-    found = json.loads(said.out)
-    assert (found["detail"], found["moved"], found["audit"]["verdict"]) == (words, False, "proved")
 
 
 @pytest.mark.slow
