@@ -174,6 +174,10 @@ class Exchange:
                 nlp = transcribe(problem, scalarisation, instants, back_off)
                 result = self.solver.solve(nlp, start)
                 iterations += result.iterations
+            elif result.status is Status.ITERATION_LIMIT and number == 1:
+                # The barrier has led away, and there was no way back: a narrow one stays near the start.
+                result = self.solver.near_start().solve(nlp, start)
+                iterations += result.iterations
             solution = Solution.of(result, iterations=iterations, rounds=number, instants=tuple(instants))
             if not solution.ok:
                 solution = replace(solution, seconds=time.perf_counter() - begun)
