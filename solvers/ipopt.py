@@ -83,7 +83,7 @@ class _AfterIteration(casadi.Callback):
 
 
 _AFTER_ITERATION = _AfterIteration()  # CasADi does not keep it alive
-# CasADi lets other threads run meanwhile, and the MUMPS of its wheels, built for one, may then never end.
+# CasADi lets other threads run meanwhile, and the MUMPS of its wheels does not say that it is made for several.
 _ONE_AT_A_TIME = threading.Lock()
 
 
