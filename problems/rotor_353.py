@@ -32,7 +32,7 @@ from ocp_traj.errors import InputError
 from ocp_traj.formulation import standard
 from ocp_traj.formulation.about import About
 from ocp_traj.formulation.case import Checked, choice, number, numbers
-from ocp_traj.formulation.objective import Objective, gauss
+from ocp_traj.formulation.objective import Objective, SumOfSquares, gauss
 from ocp_traj.formulation.problem import Decomposition, Problem, Variable
 from ocp_traj.formulation.requirements import Expression, PathConstraint, Requirements, State
 from ocp_traj.problems import m10id
@@ -182,7 +182,7 @@ def build(case: ZhuWang | None = None) -> Problem:
         return machine.effort(s.q, s.v, s.a, payload=s.p[0])
 
     def strain(s: State) -> Any:
-        return casadi.sumsqr(torque(s) / strength)
+        return torque(s) / strength
 
     def power(s: State) -> Any:
         return casadi.sum1(casadi.sqrt((torque(s) * s.v) ** 2 + SMOOTHING**2))
@@ -191,7 +191,7 @@ def build(case: ZhuWang | None = None) -> Problem:
         return Objective(id, unit, scale, eq="sect. 5", integrand=integrand, quadrature=gauss(NODES[id]))
 
     time = Objective("time", "s", 1.0, eq="(13)", of_variables=lambda x, p: casadi.sum1(x[:3]))
-    jerk = integral("jerk", "rad2/s5", 1000.0, lambda s: casadi.sumsqr(s.jerk))
+    jerk = integral("jerk", "rad2/s5", 1000.0, SumOfSquares(lambda s: s.jerk))
     positions = PathConstraint("position-limit", lambda s: serial_angles(s.q), low, high, RAD, LINK_ANGLES, "maker")
     efforts = standard.effort_limit(torque, EFFORT, machine.effort_units, JOINTS, "maker")
     alone = ALL if case.timing == "per_joint" else ()
@@ -199,7 +199,7 @@ def build(case: ZhuWang | None = None) -> Problem:
     problem = _problem(
         case, points, ALL,
         (*[positions] * case.position_limits, *_limits(case, ALL), *[efforts] * case.effort_limits),
-        (time, integral("effort", "s", 1.0, strain), integral("work", "J", 1000.0, power), jerk),
+        (time, integral("effort", "s", 1.0, SumOfSquares(strain)), integral("work", "J", 1000.0, power), jerk),
         robot=machine,
         reference_point=worst_worth_having(case, points, machine),
         best_values=BEST if case == ZhuWang() else {},

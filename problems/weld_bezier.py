@@ -36,7 +36,7 @@ from ocp_traj.errors import InputError
 from ocp_traj.formulation import standard
 from ocp_traj.formulation.about import About
 from ocp_traj.formulation.case import Checked, choice, number, numbers
-from ocp_traj.formulation.objective import Objective, gauss
+from ocp_traj.formulation.objective import Objective, SumOfSquares, gauss
 from ocp_traj.formulation.problem import Problem, Variable
 from ocp_traj.formulation.requirements import DurationConstraint, PathConstraint, PointConstraint, Requirements
 from ocp_traj.formulation.summary import Summary
@@ -171,17 +171,17 @@ def _objectives(case: Ogbemhe2019, machine: Robot) -> tuple[Objective, ...]:
     strength = casadi.DM(kr90.EFFORT)
     floating = kr90.robot(case.payload, riser=case.riser, gravity=0.0)
 
-    def strain(robot: Robot) -> Any:
-        return lambda s: casadi.sumsqr(kr90.torque(robot, s.q, s.v, s.a) / strength)
+    def strain(robot: Robot) -> SumOfSquares:
+        return SumOfSquares(lambda s: kr90.torque(robot, s.q, s.v, s.a) / strength)
 
     parts = dict(zip(("air_time", "effort", "movement", "snap"), case.weights, strict=True))
     return (
         Objective("air_time", "s", 1.0, eq="sect. I", of_variables=lambda x, p: x[-2] + x[-1]),
         Objective("effort", "s", 1.0, "min", "(1)", strain(machine), gauss(6)),
         Objective("dynamic_effort", "s", 1.0, "min", "our choice", strain(floating), gauss(6)),
-        Objective("movement", "rad2/s", 1.0, "min", "sect. III-A", lambda s: casadi.sumsqr(s.v), gauss(9)),
-        Objective("jerk", "rad2/s5", 1.0, "min", "sect. VII", lambda s: casadi.sumsqr(s.jerk), gauss(7)),
-        Objective("snap", "rad2/s7", 1.0, "min", "sect. VII", lambda s: casadi.sumsqr(s.snap), gauss(6)),
+        Objective("movement", "rad2/s", 1.0, "min", "sect. III-A", SumOfSquares(lambda s: s.v), gauss(9)),
+        Objective("jerk", "rad2/s5", 1.0, "min", "sect. VII", SumOfSquares(lambda s: s.jerk), gauss(7)),
+        Objective("snap", "rad2/s7", 1.0, "min", "sect. VII", SumOfSquares(lambda s: s.snap), gauss(6)),
         Objective("total", "-", 1.0, eq="our choice", terms=parts),
     )
 

@@ -34,7 +34,9 @@ def test_squares_have_the_derivatives_of_their_sum(problem: ot.Problem, name: st
              np.full((count, 1), 3.0), none)  # fmt: skip
     weights = rng.normal(size=(count, 1))
     pairs = [
-        (own.values(given), whole.values(given)), (own.first(given), whole.first(given)),
+        (own.values(given), whole.values(given)), *zip(own.first(given)[:2], whole.first(given)[:2], strict=True),
+        (own.values(given), own.first(given).values),
+        *zip(own.second(given, weights, own.first(given)), whole.second(given, weights), strict=True),
         *zip(own.second(given, weights), whole.second(given, weights), strict=True),
     ]  # fmt: skip
     for one, other in pairs:

@@ -49,8 +49,8 @@ class DerivativeValues(BySegment):
         )
         return np.asarray((found if self.slopes is None else found | (self.slopes != 0.0))[:, None])
 
-    def at(self, shape: ShapeAt) -> DerivativeValuesAt:
-        """The values at one x."""
+    def at(self, shape: ShapeAt, slopes: bool = False) -> DerivativeValuesAt:
+        """The values at one x; their ``slopes`` are as cheap later."""
         return DerivativeValuesAt(self, shape)
 
     @cached_property

@@ -205,8 +205,8 @@ class _Here:
         self._program, self._x = program, x.copy()
         self.outputs: tuple[float, Array] | None = None
         self.at = program._shape.at(x[: program._shape.size])
-        self.parts = [part.values.at(self.at) for part in program._parts]
-        self.integrals = {name: i.values.at(self.at) for name, i in program._pattern.integrals.items()}
+        self.parts = [part.values.at(self.at, slopes=True) for part in program._parts]
+        self.integrals = {name: i.values.at(self.at, slopes=True) for name, i in program._pattern.integrals.items()}
         extra = x[program._shape.size : program._first_step]
         self.scalars = np.array([*(self._value(name) for name in program._scalar.names), *extra])
 

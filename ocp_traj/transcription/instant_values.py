@@ -26,7 +26,7 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS
 from ocp_traj.transcription.hessian_sum import HessianSum
 from ocp_traj.transcription.instants import Instant
-from ocp_traj.transcription.kernel import Kernel, limit_kernel
+from ocp_traj.transcription.kernel import First, Kernel, limit_kernel
 from ocp_traj.transcription.shape import Shape, ShapeAt, shape_of
 
 
@@ -139,9 +139,9 @@ class InstantValues(BySegment):
                 fixed |= (slopes != 0.0)[:, None, :]
         return fixed
 
-    def at(self, shape: ShapeAt) -> InstantValuesAt:
-        """The values at one x."""
-        return InstantValuesAt(self, shape)
+    def at(self, shape: ShapeAt, slopes: bool = False) -> InstantValuesAt:
+        """The values at one x, together with their derivatives where those will be wanted."""
+        return InstantValuesAt(self, shape, slopes=slopes)
 
     @cached_property
     def fixed_basis(self) -> Array | None:
@@ -174,7 +174,10 @@ class InstantValuesAt:
         values: ``(N, rows)``.
     """
 
-    def __init__(self, of: InstantValues, shape: ShapeAt, u: Array | None = None, sweep: Array | None = None) -> None:
+    def __init__(
+        self, of: InstantValues, shape: ShapeAt, u: Array | None = None, sweep: Array | None = None,
+        slopes: bool = False,
+    ) -> None:  # fmt: skip
         """Evaluates the function, at other places than the instants' own where they are given."""
         self.of, self.shape = of, shape
         segments, kernel = of.segments, of.kernel
@@ -196,13 +199,17 @@ class InstantValuesAt:
             states.reshape(len(segments), -1), shape.durations[segments][:, None], place, shape.parameters[segments],
             of.constants_at(shape, derivatives[:, 0]),
         )  # fmt: skip
-        self.values = kernel.values(self._arguments)
+        self.values = self._first.values if slopes else kernel.values(self._arguments)
+
+    @cached_property
+    def _first(self) -> First:
+        return self.of.kernel.first(self._arguments)
 
     @cached_property
     def slopes_in_posture(self) -> Array:
         """Derivatives of the first row in q and the parameters ``(N, dof + n_p)``, of a function of these alone."""
         kernel, dof = self.of.kernel, self.of.shape.dof
-        found, known = np.zeros((len(self.u), dof + self.shape.parameters.shape[1])), kernel.first(self._arguments)
+        found, known = np.zeros((len(self.u), dof + self.shape.parameters.shape[1])), self._first.slopes
         if 0 in kernel.orders:
             found[:, :dof] = known[:, 0, :dof]
         found[:, dof:][:, : kernel.parameters.stop - kernel.parameters.start] = known[:, 0, kernel.parameters]
@@ -260,12 +267,12 @@ class InstantValuesAt:
     @cached_property
     def slopes(self) -> Array:
         """Derivatives of the values in the segment's variables ``(N, rows, m)``."""
-        return self.of.kernel.first(self._arguments) @ self._whole
+        return self._first.slopes @ self._whole
 
     def add_curvature(self, total: HessianSum, weights: Array) -> None:
         """Adds the second derivatives of the sum of the values times weights ``(N, rows)``."""
         of, kernel = self.of, self.of.kernel
-        gradient, bend = kernel.second(self._arguments, weights)
+        gradient, bend = kernel.second(self._arguments, weights, self._first)
         of.add_products(total.local, self._whole, bend @ self._whole)
         if self._u_slopes is not None:
             a, c = self._raised(gradient)

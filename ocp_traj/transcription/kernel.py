@@ -6,7 +6,7 @@ time that the function uses, the duration T, the parameters p, the local time u 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
@@ -19,6 +19,20 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import ORDERS, PathConstraint, PointConstraint, state_function
 from ocp_traj.mapped import Mapped
 from ocp_traj.transcription.symbolic import integrand_function
+
+
+class First(NamedTuple):
+    """A function at instants, to first order.
+
+    Attributes:
+        values: ``(N, rows)``.
+        slopes: in Z ``(N, rows, size)``.
+        squared: where the function is the sum of squares of rows, their values and slopes likewise.
+    """
+
+    values: Array
+    slopes: Array
+    squared: tuple[Array, Array] | None = None
 
 
 class Kernel:
@@ -78,15 +92,22 @@ class Kernel:
         """Values ``(N, rows)`` at arguments ``(N, ..)``: derivatives in local time, T, (u, s), p, c."""
         return self._values(*arguments)[0].copy()
 
-    def first(self, arguments: tuple[Array, ...]) -> Array:
-        """Derivatives of the values in Z ``(N, rows, size)``."""
-        slopes = self._first(*arguments)[1]
-        return slopes.reshape(len(slopes), self.rows, self.size).copy()
+    def first(self, arguments: tuple[Array, ...]) -> First:
+        """Values and their derivatives in Z, together in little more time than the values alone."""
+        values, slopes = self._first(*arguments)
+        return First(values.copy(), slopes.reshape(len(slopes), -1, self.size).copy())
 
-    def second(self, arguments: tuple[Array, ...], weights: Array) -> tuple[Array, Array]:
+    def second(
+        self, arguments: tuple[Array, ...], weights: Array, first: First | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
         """Gradient ``(N, size)`` and Hessian ``(N, size, size)`` in Z of the rows times weights ``(N, rows)``.
 
         It takes most of a solve's time, and is not evaluated where all weights are zero.
+
+        Args:
+            arguments: see ``values``.
+            weights: of the rows.
+            first: what ``first`` has found for the same arguments, where that is known.
         """
         weighed = np.flatnonzero(weights.any(axis=1))
         gradient, bend = np.zeros((len(weights), self.size)), np.zeros((len(weights), self.size, self.size))
@@ -116,21 +137,21 @@ class SquaresKernel(Kernel):
         """Values ``(N, 1)``."""
         return np.asarray((self._values(*arguments)[0] ** 2).sum(axis=1, keepdims=True))
 
-    def first(self, arguments: tuple[Array, ...]) -> Array:
-        """Derivatives in Z ``(N, 1, size)``."""
-        rows, slopes = self._slopes(arguments)
-        return 2.0 * (rows[:, None, :] @ slopes)
+    def first(self, arguments: tuple[Array, ...]) -> First:
+        """Values ``(N, 1)`` and their derivatives in Z ``(N, 1, size)``."""
+        rows, slopes = squared = super().first(arguments)[:2]
+        return First((rows**2).sum(axis=1, keepdims=True), 2.0 * (rows[:, None, :] @ slopes), squared)
 
-    def second(self, arguments: tuple[Array, ...], weights: Array) -> tuple[Array, Array]:
+    def second(
+        self, arguments: tuple[Array, ...], weights: Array, first: First | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
         """Gradient ``(N, size)`` and Hessian ``(N, size, size)`` in Z times weights ``(N, 1)``."""
-        rows, slopes = self._slopes(arguments)
+        squared = (self.first(arguments) if first is None else first).squared
+        assert squared is not None
+        rows, slopes = squared
         gradient, bend = self._second(*arguments, 2.0 * weights * rows)
         twice = 2.0 * weights[:, :, None] * slopes
         return gradient.copy(), bend.reshape(-1, self.size, self.size) + np.swapaxes(twice, 1, 2) @ slopes
-
-    def _slopes(self, arguments: tuple[Array, ...]) -> tuple[Array, Array]:
-        rows, slopes = self._first(*arguments)
-        return rows, slopes.reshape(len(rows), -1, self.size)
 
 
 def limit_kernel(problem: Problem, name: str) -> Kernel:
