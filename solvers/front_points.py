@@ -41,6 +41,7 @@ class FrontPoints:
         conflict: whether there is anything to trade.
         resolution: to which objectives are told ``(m,)``.
         unresolved: in which objectives neighbours are too near each other for a point between them.
+        rays: by a trajectory's variables, what its dilations lead to; see ``front_rays``.
     """
 
     def __init__(
@@ -58,6 +59,7 @@ class FrontPoints:
         self.conflict = True
         self.resolution = np.array([problem.objective(name).resolution for name in objectives])
         self.unresolved: dict[str, float] = {}
+        self.rays: dict[bytes, tuple[Array, Array]] = {}
 
     def __len__(self) -> int:
         return len(self.solutions)

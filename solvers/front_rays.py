@@ -85,14 +85,29 @@ def start_within(front: FrontPoints, among: list[int], bounds: Mapping[int, floa
     Returns:
         its variables ``(n,)``, and of which of the points it is a dilation.
     """
-    problem = front.problem
-    candidates = [(front.solutions[i].x, i) for i in among]
-    if problem.dilate is not None:
-        dilated = [(np.asarray(problem.dilate(x, s)), i) for x, i in candidates for s in RAY.tolist()]
-        candidates += [(x, i) for x, i in dilated if (x <= problem.upper).all() and (x >= problem.lower).all()]
-    values = front.population.evaluate(np.array([x for x, _ in candidates]), limits=False).objectives * front.signs
+    rays = [_ray(front, front.solutions[i].x) for i in among]
+    values = np.concatenate([objectives for _, objectives in rays])
     span = np.maximum(np.ptp(front.values, axis=0), 1e-12)
     over = sum((np.maximum(values[:, k] - bound, 0.0) / span[k] for k, bound in bounds.items()), np.zeros(len(values)))
     free = [k for k in range(len(front.names)) if k not in bounds]
     merit = 1e3 * over + (values[:, free] / span[free]).sum(axis=1)
-    return candidates[int(np.argmin(merit))]
+    lengths = [len(factors) for factors, _ in rays]
+    best = int(np.argmin(merit))
+    which = int(np.searchsorted(np.cumsum(lengths), best, side="right"))
+    x, factor = front.solutions[among[which]].x, float(np.concatenate([factors for factors, _ in rays])[best])
+    dilate = front.problem.dilate
+    return x if factor == 1.0 or dilate is None else np.asarray(dilate(x, factor)), among[which]
+
+
+def _ray(front: FrontPoints, x: Array) -> tuple[Array, Array]:
+    """Dilations of a trajectory ``(K,)``, none first, and the objectives they lead to ``(K, m)``; evaluated once."""
+    problem, key = front.problem, x.tobytes()
+    if key not in front.rays:
+        factors, candidates = np.ones(1), x[None]
+        if problem.dilate is not None:
+            dilated = np.array([problem.dilate(x, factor) for factor in RAY.tolist()])
+            inside = ((dilated <= problem.upper) & (dilated >= problem.lower)).all(axis=1)
+            factors, candidates = np.append(1.0, RAY[inside]), np.vstack([x, dilated[inside]])
+        values = front.population.evaluate(candidates, limits=False).objectives * front.signs
+        front.rays[key] = factors, values
+    return front.rays[key]
