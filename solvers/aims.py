@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ class Aim:
         x: start ``(n,)``.
         goal, weights: ``(objectives,)``.
         near: whose instants and multipliers it begins with.
-        pair: the neighbours it lies between.
+        other: the neighbour on the other side of a gap, from where it may be tried once more.
     """
 
     kind: str
@@ -35,7 +35,12 @@ class Aim:
     goal: Array
     weights: Array
     near: Known | None
-    pair: tuple[Known, Known] | None = None
+    other: Known | None = None
+
+    @property
+    def turned(self) -> Aim | None:
+        """The same gap from its other side."""
+        return None if self.other is None else replace(self, x=self.other.x, near=self.other, other=None)
 
 
 class Aims:
@@ -76,13 +81,14 @@ class Aims:
         pop = algorithm.pop
         x, excess = pop.get("X").astype(float), np.ravel(pop.get("excess").astype(float))
         fresh = np.array([row.tobytes() not in self.tried for row in x], dtype=bool)
-        met = np.flatnonzero((excess <= 0.0) & fresh)
+        legal = excess <= 0.0
+        met = np.flatnonzero(legal & fresh)
         if not len(met):  # then those that break limits least
             order = np.argsort(excess, kind="stable")
             for i in (i for i in order.tolist() if fresh[i] and excess[i] > 0.0):
                 yield self._of_individual("far", x[i])
             return
-        f = pop.get("F").astype(float)
+        f, aimed = pop.get("F").astype(float), np.empty((0, self.target.n_obj))
         box = self.target.xu - self.target.xl
         left = list(met.tolist())
         while left:
@@ -93,10 +99,11 @@ class Aims:
                 )
                 i, kind = int(some[np.argmax(np.linalg.norm(apart, axis=2).min(axis=1))]), "far"
             else:
-                first = [k for k in left if self.archive.gains(f[k]) and not _dominated(f[k], f[met])]
+                first = [k for k in left if self.archive.gains(f[k]) and not _dominated(f[k], f[legal])]
                 if not first:
                     return
-                i, kind = first[int(np.argmax(self.archive.distances(f[first])))], "first rank"
+                i, kind = first[int(np.argmax(self.archive.distances(f[first], aimed)))], "first rank"
+            aimed = np.vstack([aimed, f[i]])  # what comes of it is not known before the next is chosen
             left.remove(i)
             yield self._of_individual(kind, x[i])
 
@@ -119,14 +126,11 @@ class Aims:
     def _between(self, one: Known, other: Known) -> Aim:
         """From the middle of two of one family, whose objectives lie between theirs; else from one of them."""
         goal, worst = np.minimum(one.f, other.f), np.maximum(one.f, other.f)
-        if one.solution is None:
-            one, other = other, one
         x = 0.5 * (one.x + other.x)
         f = self.values(x)
         alike = bool(((goal <= f) & (f <= worst)).all())
         weights = np.maximum(worst - goal, LEAST * self.archive.extent)
-        near = one if one.solution is not None else self.archive.nearest(one.f)
-        return Aim("gap", x if alike else one.x, goal, weights, near, (one, other))
+        return Aim("gap", x if alike else one.x, goal, weights, one, other)
 
     def beyond(self) -> Aim | None:
         """From an end of what is known outwards: better in its objective, and no more than that worse in the others."""
@@ -139,7 +143,7 @@ class Aims:
             step[others] = np.minimum(step, self.target.worst - goal)[others]
             if end.name not in self._ended[k] and (step > LEAST * size).all():
                 self._ended[k].add(end.name)
-                return Aim("beyond", end.x, goal, step, end if end.solution is not None else None)
+                return Aim("beyond", end.x, goal, step, end)
         return None
 
 

@@ -19,12 +19,12 @@ class Known:
     Attributes:
         x: ``(n,)``.
         f: traded objectives ``(objectives,)``, less is better.
-        solution: whose instants and multipliers a neighbour's solve begins with, where there is one.
+        solution: whose instants and multipliers a neighbour's solve begins with.
     """
 
     x: Array
     f: Array
-    solution: Solution | None = None
+    solution: Solution
 
     @property
     def name(self) -> bytes:
@@ -68,23 +68,26 @@ class Archive:
         return True
 
     def nearest(self, f: Array) -> Known | None:
-        """The point with a solution that is nearest to ``f (objectives,)`` in units of the front's extent."""
-        solved = [i for i, point in enumerate(self.points) if point.solution is not None]
-        if not solved:
+        """The point that is nearest to ``f (objectives,)`` in units of the front's extent, if there is one."""
+        if not self.points:
             return None
-        return self.points[solved[int(np.argmin(np.linalg.norm((self.f[solved] - f) / self.extent, axis=1)))]]
+        return self.points[int(np.argmin(np.linalg.norm((self.f - f) / self.extent, axis=1)))]
 
-    def drop(self, x: Array) -> None:
-        """Takes a point out again, which is not proved after all."""
-        stays = [point.name != x.tobytes() for point in self.points]
+    def drop(self, solution: Solution) -> bool:
+        """Takes a point out again, which is not as it was found after all; whether it was there."""
+        stays = [point.solution is not solution for point in self.points]
         self.points = [point for point, keep in zip(self.points, stays, strict=True) if keep]
         self.f = self.f[stays]
+        return not all(stays)
 
-    def distances(self, f: Array) -> Array:
-        """Of points ``f (N, objectives)`` to the nearest of these, in units of the front's extent; inf for none."""
-        if not len(self.f):
-            return np.full(len(f), np.inf)
-        return np.asarray(np.linalg.norm((f[:, None] - self.f) / self.extent, axis=2).min(axis=1))
+    def distances(self, f: Array, more: Array) -> Array:
+        """Of points ``f (N, objectives)`` to the nearest of these and ``more``, in units of the front's extent.
+
+        Infinite where there are none.
+        """
+        others = np.vstack([self.f, more])
+        apart = np.linalg.norm((f[:, None] - others) / self.extent, axis=2)
+        return np.asarray(apart.min(axis=1, initial=np.inf))
 
     def gap(self) -> tuple[Known, Known] | None:
         """The neighbours farthest apart between which nothing was looked for yet; None where there are none.

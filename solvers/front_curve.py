@@ -20,9 +20,6 @@ from ocp_traj.solvers.front_rays import start_within
 from ocp_traj.solvers.waves import Begun, Request
 from ocp_traj.transcription.symbolic import evaluate_objectives
 
-# Points that wait to be proved, and their iterations times rows, some 2 s of work, after which they are: our choice.
-# With the clock the front would depend on the machine.
-TOGETHER, PATIENCE = 8, 2e5
 NARROW = 1e-12  # of the front's extent: no gap is narrower; our choice
 
 
@@ -130,7 +127,5 @@ class FrontCurve:
         solution = front.work.take(begun, front.replace)
         new = solution.ok and front.take(solution, span)
         front.tell()
-        waiting = front.work.waiting
-        if len(waiting) >= TOGETHER or sum(one.iterations * one.row_count for one in waiting) > PATIENCE:
-            front.work.prove()
+        front.work.prove_many()
         return new

@@ -111,7 +111,8 @@ class FrontTracer:
         if ends.tried and not ends.unsolved:
             info["ideal"] = front.ideal
         xs = [solution.x for solution in front.solutions]
-        return ParetoSet(xs, "trace", self.seed, time.perf_counter() - begun, info, interrupted)
+        seconds = time.perf_counter() - begun
+        return ParetoSet(xs, "trace", self.seed, seconds, info, interrupted, solutions=front.solutions)
 
 
 def _surface(front: FrontPoints) -> FrontSurface:

@@ -35,12 +35,14 @@ from ocp_traj.evolution.generations import Watch
 from ocp_traj.evolution.outcome import ended_after
 from ocp_traj.formulation.case import check, count, number, share
 from ocp_traj.formulation.problem import Problem
+from ocp_traj.parallel.workers import Workers
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet, check_traded
 from ocp_traj.results.records import Found, ignore
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.refinement import refine, well_spaced
 from ocp_traj.solvers.seeding import ends_of, first_generation, inside
+from ocp_traj.solvers.waves import Solves
 from ocp_traj.stopping import Stopping, stopping
 
 SHARE = 0.5  # of the time that is left, for evolution; the rest is for refinement: our choice
@@ -71,6 +73,7 @@ class HMOGA:
         solver: of the ends, and of each point that is refined.
         per_segment: instants a segment at which limits are looked at in a generation, at least its degree.
         max_seconds: time for all; of what the ends leave, evolution gets one half.
+        workers: who does the local solves; the front does not depend on it.
         progress: told after each generation, then after each refined point.
         found: given a record of each solve, and of the population now and then.
     """
@@ -92,6 +95,7 @@ class HMOGA:
     solver: Exchange = field(default_factory=Exchange)
     per_segment: int = count(5, least=2)
     max_seconds: float = np.inf
+    workers: Workers = field(default_factory=Workers)
     progress: Progress = silent
     found: Found = ignore
 
@@ -108,7 +112,7 @@ class HMOGA:
 
     def _run(self, problem: Problem, objectives: Sequence[str], stop: Stopping) -> ParetoSet:
         begun = time.perf_counter()
-        ends, info = ends_of(problem, objectives, self.solver, self.starts, self.seed, np.inf, self.found)
+        ends, info = ends_of(problem, objectives, self.solver, self.starts, self.seed, np.inf, self.found, self.workers)
         info["cannot act"] = CANNOT_ACT
         if ENDED_AFTER in info or "conflict" in info:
             return ParetoSet(ends.xs, "hmoga", self.seed, ends.seconds, info, ends.interrupted)
@@ -142,11 +146,12 @@ class HMOGA:
         if run.interrupted or not len(run.history):
             return self._merged([*ends.xs, *genetic], begun, info, run.interrupted)
         # The ends solve an NLP already: goal attainment has nothing to give them.
-        among = list(ends.xs)
-        f = target.population.evaluate(np.array([*among, *genetic])).objectives * target.signs
-        chosen = [genetic[i - len(among)] for i in well_spaced(f, self.points) if i >= len(among)]
-        chosen += _least_broken(algorithm.pop, self.points - len(among) - len(chosen))
-        refined = refine(problem, objectives, chosen, self.solver, among, self.progress, self.found)
+        known = len(ends.xs)
+        f = target.population.evaluate(np.array([*ends.xs, *genetic])).objectives * target.signs
+        chosen = [genetic[i - known] for i in well_spaced(f, self.points) if i >= known]
+        chosen += _least_broken(algorithm.pop, self.points - known - len(chosen))
+        work = Solves(problem, self.solver, self.workers, self.found)
+        refined = refine(work, objectives, chosen, ends.solutions, self.progress)
         if refined.reached < len(chosen):
             info[ENDED_AFTER] = f"refining {refined.reached} of {len(chosen)} points"
         info |= {
@@ -155,8 +160,8 @@ class HMOGA:
             "points to refine": len(chosen),
             "points refined": refined.better,
             "refinements failed": refined.failed,
-            "solves": refined.solves,
-            "iterations": refined.iterations,
+            "solves": work.solves,
+            "iterations": work.iterations,
             "refinement seconds": refined.seconds,
         }
         return self._merged([*ends.xs, *genetic, *refined.xs], begun, info, refined.interrupted)

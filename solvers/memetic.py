@@ -27,6 +27,7 @@ from ocp_traj.evolution.evolution import PymooProblem, evolve
 from ocp_traj.evolution.outcome import ended_after
 from ocp_traj.formulation.case import check, choice, count, number, share
 from ocp_traj.formulation.problem import Problem
+from ocp_traj.parallel.workers import Workers
 from ocp_traj.progress import Progress, silent
 from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet, check_traded
 from ocp_traj.results.records import Found, ignore
@@ -62,6 +63,7 @@ class Memetic:
         per_segment: instants a segment at which limits are looked at in a generation, at least its degree.
         dilate: whether individuals that break a limit are slowed down until they keep it, where that can be done.
         max_seconds: time for all.
+        workers: who does the local solves; the front does not depend on it.
         progress: told after each generation.
         found: given a record of each solve, and of the population now and then.
     """
@@ -86,6 +88,7 @@ class Memetic:
     per_segment: int = count(5, least=2)
     dilate: bool = True
     max_seconds: float = np.inf
+    workers: Workers = field(default_factory=Workers)
     progress: Progress = silent
     found: Found = ignore
 
@@ -103,7 +106,7 @@ class Memetic:
     def _run(self, problem: Problem, objectives: tuple[str, ...], stop: Stopping) -> ParetoSet:
         begun = time.perf_counter()
         most = self.ends_share * self.max_seconds if np.isfinite(self.max_seconds) else np.inf
-        ends, info = ends_of(problem, objectives, self.solver, self.starts, self.seed, most, self.found)
+        ends, info = ends_of(problem, objectives, self.solver, self.starts, self.seed, most, self.found, self.workers)
         info["outer"] = self.outer
         if "conflict" in info or ends.interrupted:
             return ParetoSet(ends.xs, "memetic", self.seed, ends.seconds, info, ends.interrupted)
@@ -115,7 +118,7 @@ class Memetic:
         known = list(ends.xs) or inside(target, np.array([problem.guess(rng)]))
         first = first_generation(target, problem, objectives, known, self.population, self.seeded, rng)
         complete = ENDED_AFTER not in info and not ends.info["unsolved ends"]
-        stages = Stages(self, problem, objectives, target, ends.xs, complete, rng)
+        stages = Stages(self, problem, objectives, target, ends.solutions, complete, rng)
         run = evolve(
             self._algorithm(first, len(objectives)), target, self.generations, self.seed,
             max(stop.deadline - time.perf_counter(), 0.0), self.progress, after=stages.after, found=self.found,

@@ -9,20 +9,20 @@ Gembicki and Haimes (1975), IEEE Trans. Autom. Control 20(6).
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import zip_longest
 
 import numpy as np
 
 from ocp_traj.arrays import Array, Index
-from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import GoalAttainment
 from ocp_traj.progress import Progress, silent
-from ocp_traj.results.records import Found, ignore, of_solve
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.time_scaling import slow_down
-from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.stopping import STOPS, current, stopping
+from ocp_traj.solvers.waves import WAVE, Request, Solves
+from ocp_traj.stopping import STOPS, Stopping, current, stopping
 from ocp_traj.transcription.symbolic import evaluate_objectives
 
 LEAST = 1e-3  # of the front's range: smallest weight, so that the attainment factor acts on every goal; our choice
@@ -34,17 +34,14 @@ class Refined:
 
     Attributes:
         xs: decision vectors, refined where that gave better ones.
-        solves, iterations: of the NLPs.
         better: points that were refined.
-        failed: points whose NLP gave nothing proved.
+        failed: points for which nothing proved was found.
         reached: points that were tried; the others, if Ctrl-C or a lack of time ended it, are as they were.
         interrupted: whether Ctrl-C ended it.
         seconds: spent.
     """
 
     xs: list[Array]
-    solves: int = 0
-    iterations: int = 0
     better: int = 0
     failed: int = 0
     reached: int = 0
@@ -85,84 +82,88 @@ def attainment(objectives: Sequence[str], goal: Array, weight: Array) -> GoalAtt
 
 
 def refine(
-    problem: Problem,
+    work: Solves,
     objectives: Sequence[str],
     xs: Sequence[Array],
-    solver: Exchange,
-    among: Sequence[Array] = (),
+    among: Sequence[Solution] = (),
     progress: Progress = silent,
-    tell: Found = ignore,
 ) -> Refined:
     """Refines points, each from itself; those not proved to begin with are slowed down first where that proves them.
 
     A point that is proved is only ever replaced by one that is proved and as good in every objective.
 
     Args:
-        problem: whose limits hold.
+        work: solves, in waves; each begins with instants and multipliers of the nearest solution yet.
         objectives: traded.
         xs: decision vectors ``(n,)``.
-        solver: of each NLP; it begins with the instants at which its neighbour's ended.
-        among: other points of the front, which stay as they are; with these the nadir is that of the whole front.
+        among: solutions at other points of the front; with these the nadir is that of the whole front.
         progress: told after each point.
-        tell: given a record of each solve.
     """
     begun, found = time.perf_counter(), Refined([np.asarray(x, dtype=float) for x in xs])
-    with stopping() as stop:
-        try:
-            _refine(problem, tuple(objectives), found, solver, list(among), progress, tell)
-        except STOPS as reason:
-            stop.take(reason)
+    if found.xs:
+        with stopping() as stop:
+            _Refinement(work, tuple(objectives), found, among, progress).run(stop)
             found.interrupted = stop.tell()
     found.seconds = time.perf_counter() - begun
     return found
 
 
-def _refine(
-    problem: Problem, objectives: tuple[str, ...], found: Refined, solver: Exchange, among: list[Array],
-    progress: Progress, tell: Found,
-) -> None:  # fmt: skip
-    """Refines the points of ``found`` in place, neighbour after neighbour."""
-    if not found.xs:
-        return
-    points, audits = slow_down(problem, found.xs)
-    found.xs[:] = points
-    signs = np.array([1.0 if problem.objective(name).sense == "min" else -1.0 for name in objectives])
-    scales = np.array([problem.objective(name).scale for name in objectives])
-    f = np.array([_values(problem, objectives, x) for x in (*points, *among)]) * signs
-    w, f = weights(f, scales), f[: len(points)]
-    neighbour: Solution | None = None
-    for done, i in enumerate(np.lexsort(f.T[::-1]).tolist()):  # along the front
+class _Refinement:
+    """Points ``f (N, objectives)``, less is better, their ``weights``, and the solutions so far with their places."""
+
+    def __init__(
+        self, work: Solves, objectives: tuple[str, ...], found: Refined, among: Sequence[Solution], progress: Progress
+    ) -> None:
+        problem = work.problem
+        self.work, self.names, self.found, self.progress = work, objectives, found, progress
+        found.xs[:], self.audits = slow_down(problem, found.xs)
+        self.signs = np.array([1.0 if problem.objective(name).sense == "min" else -1.0 for name in objectives])
+        f = np.array([self._values(evaluate_objectives(problem, x)) for x in (*found.xs, *(one.x for one in among))])
+        self.weights = weights(f, np.array([problem.objective(name).scale for name in objectives]))
+        self.extent = np.where(np.ptp(f, axis=0) > 0.0, np.ptp(f, axis=0), 1.0)
+        self.f = f[: len(found.xs)]
+        self.known = [(place, one) for place, one in zip(f[len(found.xs) :], among, strict=True)]
+        self.solved: dict[int, Solution] = {}
+
+    def run(self, stop: Stopping) -> None:
+        """Refines all points, or as many as there is time for."""
+        try:
+            # Along as many parts of the front at once: each begins beside the one that its part has just solved.
+            parts = np.array_split(np.lexsort(self.f.T[::-1]), WAVE)
+            for wave in zip_longest(*(part.tolist() for part in parts)):
+                self._solve([i for i in wave if i is not None])
+            self.work.prove()
+        except STOPS as reason:
+            stop.take(reason)
+            self.work.prove(again=False)
+        for i, solution in self.solved.items():
+            reached = self._values(solution.objectives) if solution.ok else np.full(self.f.shape[1], np.inf)
+            self.found.failed += not solution.ok
+            better = (reached <= self.f[i]).all() and (reached < self.f[i]).any()
+            if solution.ok and (better or not self.audits[i].proved):
+                self.found.xs[i] = solution.x
+                self.found.better += 1
+
+    def _solve(self, wave: Sequence[int]) -> None:
+        """A wave of points."""
         current().check()
-        goal = attainment(objectives, f[i] * signs, w[i])
-        solution = _solved(problem, goal, points[i], solver, neighbour, found, tell)
-        if solution is None:
-            found.failed += 1
-        else:
-            neighbour = solution
-            reached = np.array([solution.objectives[name] for name in objectives]) * signs
-            if not audits[i].proved or ((reached <= f[i]).all() and (reached < f[i]).any()):
-                found.xs[i] = solution.x
-                found.better += 1
-        found.reached = done + 1
-        progress(found.reached, len(points), f"{found.better} refined")
+        begun = [self.work.begin(self._request(i)) for i in wave]
+        for i, one in zip(wave, begun, strict=True):
+            self.solved[i] = self.work.take(one, partial(self._replaced, i))
+            self.found.reached += 1
+            self.progress(self.found.reached, len(self.f), self.work.words)
+        self.known += [(self.f[i], self.solved[i]) for i in wave if self.solved[i].ok]
+        self.work.prove_many()
 
+    def _request(self, i: int) -> Request:
+        """With the neighbour's instants and multipliers first, then without."""
+        goal, x = attainment(self.names, self.f[i] * self.signs, self.weights[i]), self.found.xs[i]
+        apart = [np.linalg.norm((place - self.f[i]) / self.extent) for place, _ in self.known]
+        warm = self.known[int(np.argmin(apart))][1] if apart else None
+        return Request(goal, x, warm, fallbacks=[] if warm is None else [x])
 
-def _solved(
-    problem: Problem, goal: GoalAttainment, x: Array, solver: Exchange, neighbour: Solution | None, found: Refined,
-    tell: Found,
-) -> Solution | None:  # fmt: skip
-    """A proved solution, or None: with the neighbour's instants, and once more with the solver's own grid."""
-    tries = [solver] if neighbour is None else [replace(solver, first=neighbour.instants), solver]
-    for attempt in tries:
-        solution = attempt.solve(problem, goal, x).own  # the point itself stays in any case
-        tell(of_solve(goal, solution))
-        found.solves += 1
-        found.iterations += solution.iterations
-        if solution.ok and solution.audit is not None and solution.audit.proved:
-            return solution
-    return None
+    def _replaced(self, i: int, found: Solution, proved: Solution) -> None:
+        self.solved[i] = proved
 
-
-def _values(problem: Problem, objectives: Sequence[str], x: Array) -> list[float]:
-    values = evaluate_objectives(problem, x)
-    return [values[name] for name in objectives]
+    def _values(self, objectives: Mapping[str, float]) -> Array:
+        return np.asarray(self.signs * np.array([objectives[name] for name in self.names]))

@@ -10,6 +10,7 @@ import numpy as np
 from ocp_traj.arrays import Array
 from ocp_traj.evolution.evolution import PymooProblem
 from ocp_traj.formulation.problem import Problem
+from ocp_traj.parallel.workers import Workers
 from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet
 from ocp_traj.results.records import Found
 from ocp_traj.solvers.exchange import Exchange
@@ -21,10 +22,12 @@ SLOWEST = 1.3  # dilation of a seeded point at most: our choice
 
 def ends_of(
     problem: Problem, objectives: Sequence[str], solver: Exchange, starts: int, seed: int, max_seconds: float,
-    found: Found,
+    found: Found, workers: Workers,
 ) -> tuple[ParetoSet, dict[str, Any]]:  # fmt: skip
     """The ends of the front, each from some random starts, and what ``info`` says of them."""
-    tracer = FrontTracer(len(objectives), solver=solver, starts=starts, seed=seed, max_seconds=max_seconds, found=found)
+    tracer = FrontTracer(
+        len(objectives), solver=solver, starts=starts, seed=seed, max_seconds=max_seconds, workers=workers, found=found
+    )
     ends = tracer.pareto(problem, objectives)
     info: dict[str, Any] = {"ends": {**ends.info, "points": len(ends.xs), "seconds": ends.seconds}}
     if ends.info.get("conflict") is False:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from itertools import islice
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,13 +13,14 @@ from ocp_traj.arrays import Array
 from ocp_traj.evolution.evolution import PymooProblem
 from ocp_traj.evolution.injection import alive, inject, keys
 from ocp_traj.formulation.problem import Problem
-from ocp_traj.results.records import Found, of_solve
+from ocp_traj.parallel.workers import Workers
+from ocp_traj.results.records import Found
 from ocp_traj.results.solution import Solution
-from ocp_traj.results.trajectory import audit_points
 from ocp_traj.solvers.aims import Aim, Aims
 from ocp_traj.solvers.archive import Archive, Known
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.refinement import attainment
+from ocp_traj.solvers.waves import WAVE, Begun, Request, Solves
 from ocp_traj.stopping import STOPS, current, stopping
 
 
@@ -41,6 +42,8 @@ class Recipe(Protocol):
     @property
     def solver(self) -> Exchange: ...  # noqa: D102
     @property
+    def workers(self) -> Workers: ...  # noqa: D102
+    @property
     def found(self) -> Found: ...  # noqa: D102
 
 
@@ -52,25 +55,25 @@ class Stages:
         problem: whose limits hold.
         objectives: traded.
         target: the population's problem.
-        ends: decision vectors ``(n,)`` that are proved.
+        ends: what local solves have found, proved.
         complete: whether these are the ends of the whole front, so that none is looked for beyond them.
         rng: of what is random.
     """
 
     def __init__(
         self, recipe: Recipe, problem: Problem, objectives: tuple[str, ...], target: PymooProblem,
-        ends: Sequence[Array], complete: bool, rng: np.random.Generator,
+        ends: Sequence[Solution], complete: bool, rng: np.random.Generator,
     ) -> None:  # fmt: skip
         """Takes the ends in; see the class."""
-        self.recipe, self.problem, self.names, self.target = recipe, problem, objectives, target
+        self.recipe, self.names, self.target = recipe, objectives, target
+        self.work = Solves(problem, recipe.solver, recipe.workers, recipe.found)
         self.archive = Archive(len(objectives), target.scales)
         self.aims = Aims(self.archive, target, recipe.far_share, complete, rng)
-        for x in ends:
-            self.archive.add(Known(x, self.aims.values(x)))
-            self.aims.tried.add(x.tobytes())
+        for end in ends:
+            self.archive.add(Known(end.x, self._of(end), end))
+            self.aims.tried.add(end.x.tobytes())
         self.seconds = self.seconds_within = 0.0
-        self.solves = self.iterations = self.failed = self.better = self.stages = 0
-        self.injected = self.survived = 0
+        self.better = self.stages = self.injected = self.survived = 0
         self.kinds = {"first rank": 0, "far": 0, "gap": 0, "beyond": 0}
         self._generation, self._begun = 0, time.perf_counter()
         self._fresh: set[bytes] = set()
@@ -88,10 +91,10 @@ class Stages:
         """What became of the local solves."""
         return {
             "stages": self.stages,
-            "solves": self.solves,
-            "iterations": self.iterations,
+            "solves": self.work.solves,
+            "iterations": self.work.iterations,
             "solves of": dict(self.kinds),
-            "solves failed": self.failed,
+            "solves failed": self.work.failed,
             "solves that gained": self.better,
             "refined individuals": {"put back": self.injected, "alive a generation later": self.survived},
         }
@@ -119,24 +122,24 @@ class Stages:
         return self.seconds + now - begun < self.recipe.local_share * (now - self._begun)
 
     def _stage(self, algorithm: Any, most: int, timed: bool = True) -> float:
-        """Solves, proves and puts back; the seconds that took."""
+        """Solves in waves, proves and puts back; the seconds that took."""
         begun, timed = time.perf_counter(), timed and np.isfinite(self.recipe.max_seconds)
-        waiting: list[Solution] = []
-        new: list[Array] = []
-        done = 0
+        before, done = keys(self.xs), 0
         with stopping() as stop:
             try:
-                for aim in self.aims.of(algorithm):
-                    if not (self._left(begun) if timed else done < most):
-                        break
+                while self._left(begun) if timed else done < most:
                     current().check()
-                    done += 1
-                    self._attempt(aim, waiting, new)
+                    wave = list(islice(self.aims.of(algorithm), WAVE if timed else min(WAVE, most - done)))
+                    if not wave:
+                        break
+                    done += len(wave)
+                    self._solve(wave)
+                self.work.prove()
             except STOPS as reason:
                 stop.take(reason)
-        self._prove(waiting)
+                self.work.prove(again=False)
         self.stages += 1
-        new = [x for x in new if x.tobytes() in keys(self.xs)]
+        new = [x for x in self.xs if x.tobytes() not in before]
         inject(algorithm, self.target, new)
         self._fresh = keys(new)
         spent = time.perf_counter() - begun
@@ -145,57 +148,38 @@ class Stages:
 
     # --- what comes of it ---
 
-    def _attempt(self, aim: Aim, waiting: list[Solution], new: list[Array]) -> None:
-        """One aim; of a gap, where it gains nothing, once more from its other side."""
-        solution = self._solve(aim)
-        if not self._takes(solution) and aim.pair is not None:
-            other = aim.pair[1]
-            solution = self._solve(replace(aim, x=other.x, near=other if other.solution is not None else None))
-        if solution is None or not self._takes(solution):
-            return
-        self.archive.add(Known(solution.x, self._of(solution), solution))
-        self.better += 1
-        self.aims.tried.add(solution.x.tobytes())
-        new.append(solution.x)
-        if solution.audit is None:
-            waiting.append(solution)
+    def _solve(self, wave: Sequence[Aim]) -> None:
+        """A wave of aims; of gaps, where that gains nothing, once more from their other sides."""
+        begun = [self.work.begin(self._request(aim)) for aim in wave]
+        missed = [aim.turned for aim, one in zip(wave, begun, strict=True) if not self._takes(self._taken(one))]
+        self.work.prove_many()
+        again = [aim for aim in missed if aim is not None]
+        if again:
+            self._solve(again)
 
-    def _takes(self, solution: Solution | None) -> bool:
-        return solution is not None and self.archive.gains(self._of(solution))
+    def _request(self, aim: Aim) -> Request:
+        """With the neighbour's instants and multipliers first, then without."""
+        self.kinds[aim.kind] += 1
+        goal = attainment(self.names, aim.goal * self.target.signs, aim.weights)
+        warm = None if aim.near is None else aim.near.solution
+        return Request(goal, aim.x, warm, prove=self._at_once, fallbacks=[] if warm is None else [aim.x])
 
-    def _solve(self, aim: Aim) -> Solution | None:
-        """A solution, with the neighbour's instants and multipliers first, then without; None where there is none."""
-        signs = self.target.signs
-        goal = attainment(self.names, aim.goal * signs, aim.weights)
-        known = aim.near.solution if aim.near is not None else None
-        plain = replace(self.recipe.solver, prove=self._at_once)
-        tries = [(plain, None)] if known is None else [(replace(plain, first=known.instants), known), (plain, None)]
-        for solver, warm in tries:
-            self.kinds[aim.kind] += 1
-            solution = solver.solve(self.problem, goal, aim.x, warm=warm).own
-            self._count(goal, solution)
-            if solution.ok and (solution.audit is None or solution.audit.proved):
-                return solution
-        return None
+    def _taken(self, begun: Begun) -> Solution:
+        return self.work.take(begun, self._replaced)
 
-    def _count(self, goal: Any, solution: Solution) -> None:
-        self.recipe.found(of_solve(goal, solution))
-        self.solves += 1
-        self.iterations += solution.iterations
-        self.failed += not solution.ok
+    def _takes(self, solution: Solution) -> bool:
+        """Whether a solution gains anything; then it is kept."""
+        gains = solution.ok and self.archive.add(Known(solution.x, self._of(solution), solution))
+        if gains:
+            self.better += 1
+            self.aims.tried.add(solution.x.tobytes())
+        return gains
 
-    def _prove(self, waiting: list[Solution]) -> None:
-        """Proves together what was found without; what is not proved is taken out again."""
-        audited = audit_points(self.problem, [solution.x for solution in waiting])
-        for solution, (path, audit) in zip(waiting, audited, strict=True):
-            if not audit.proved:
-                self.archive.drop(solution.x)
-                self.better -= 1
-                continue
-            proved = replace(solution, trajectory=path, audit=audit)
-            self.archive.points = [
-                replace(p, solution=proved) if p.solution is solution else p for p in self.archive.points
-            ]
+    def _replaced(self, found: Solution, proved: Solution) -> None:
+        """What was found is now proved, or is another, or none."""
+        if self.archive.drop(found):
+            self.better -= 1
+            self._takes(proved)
 
     def _of(self, solution: Solution) -> Array:
         return np.asarray(np.array([solution.objectives[name] for name in self.names]) * self.target.signs)

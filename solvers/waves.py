@@ -21,6 +21,12 @@ from ocp_traj.solvers.multistart import best_of
 from ocp_traj.transcription.nlp import Status
 
 SOLVE = "ocp_traj.solvers.waves:solved"
+# Solves that are chosen before any of them is done, whoever solves: as many workers have work, and the next four know
+# of these. Our choice.
+WAVE = 4
+# Solutions that wait to be proved, and their iterations times rows, some 2 s of work, after which they are: our choice.
+# With the clock the front would depend on the machine.
+TOGETHER, PATIENCE = 8, 2e5
 
 
 def solved(
@@ -103,10 +109,11 @@ class Solves:
                 break
         return solution
 
-    @property
-    def waiting(self) -> Sequence[Solution]:
-        """Solutions that were taken and are not yet proved."""
-        return [solution for _, solution, _ in self._waiting]
+    def prove_many(self) -> None:
+        """Proves what waits for it where that is much, so that little is lost with a run that is killed."""
+        waiting = [solution for _, solution, _ in self._waiting]
+        if len(waiting) >= TOGETHER or sum(one.iterations * one.row_count for one in waiting) > PATIENCE:
+            self.prove()
 
     def prove(self, again: bool = True) -> None:
         """Proves what waits for it, together; what fails goes back to exchange, or is not ok where time is over."""

@@ -1,6 +1,7 @@
 """HMOGA: its spread and its elitism as published, refinement that worsens nothing, and a front of proved points."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +18,14 @@ from ocp_traj.evolution.elitism import ControlledElitism, places_of_ranks
 from ocp_traj.evolution.evolution import PymooProblem
 from ocp_traj.evolution.generations import Watch, best_points, crowding_distances, spread
 from ocp_traj.formulation.problem import Problem
+from ocp_traj.parallel.workers import Workers
 from ocp_traj.results.front import Front
 from ocp_traj.results.solution import Solution
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.solvers.nsga2 import NSGA2
 from ocp_traj.solvers.refinement import LEAST, refine, weights, well_spaced
+from ocp_traj.solvers.waves import Solves
 from ocp_traj.stopping import stopping
 from ocp_traj.transcription.symbolic import evaluate_objectives
 from tests.closed_form import Quintic, quintic_problem, stairs_problem
@@ -33,6 +36,10 @@ SMALL = {"population": 40, "generations": 20}
 
 def values(problem: Problem, xs: list[np.ndarray], names: list[str]) -> np.ndarray:
     return np.array([[evaluate_objectives(problem, x)[name] for name in names] for x in xs])
+
+
+def solves(problem: Problem) -> Solves:
+    return Solves(problem, Exchange(), Workers())
 
 
 # --- the published definitions ---
@@ -177,8 +184,8 @@ def test_refinement_worsens_no_point_and_betters_slow_ones(hybrid: Problem, fast
     assert hybrid.dilate is not None
     slow = [np.asarray(hybrid.dilate(fastest.x, s)) for s in (1.5, 2.0)]
     before = values(hybrid, slow, PAIR)
-    others = [fastest.x, np.asarray(hybrid.dilate(fastest.x, 2.5))]
-    found = refine(hybrid, PAIR, slow, Exchange(), others)
+    others = [fastest, replace(fastest, x=np.asarray(hybrid.dilate(fastest.x, 2.5)))]
+    found = refine(solves(hybrid), PAIR, slow, others)
     after = values(hybrid, found.xs, PAIR)
     assert (after < before * 0.99).all()
     front = Front.of(hybrid, PAIR, found.xs, method="", seed=None, seconds=0.0)
@@ -190,7 +197,7 @@ def test_where_no_point_can_be_better_all_stay_bit_by_bit() -> None:
     """Of the quintic every feasible T is Pareto-optimal; those within rounding of the optimum may not be replaced."""
     problem = quintic_problem()
     xs = [np.array([t]) for t in (2.5, 3.0, 3.5)]
-    found = refine(problem, ["time", "effort"], xs, Exchange())
+    found = refine(solves(problem), ["time", "effort"], xs)
     assert_allclose(np.ravel(found.xs), np.ravel(xs), rtol=1e-7)
     before, after = (values(problem, list(p), ["time", "effort"]) for p in (xs, found.xs))
     assert (after <= before).all()
@@ -200,7 +207,7 @@ def test_an_infeasible_point_is_replaced_by_a_proved_one() -> None:
     """T a fifth below the least: slowing down by a tenth cannot mend it, goal attainment finds the nearest that can."""
     case = Quintic()
     problem = quintic_problem(case)
-    (x,) = refine(problem, ["time", "effort"], [np.array([0.8 * case.least_time])], Exchange()).xs
+    (x,) = refine(solves(problem), ["time", "effort"], [np.array([0.8 * case.least_time])]).xs
     assert x[0] == pytest.approx(case.least_time, rel=1e-6)
     assert x[0] >= case.least_time
 
@@ -209,14 +216,14 @@ def test_refinement_stops_when_its_time_is_over_and_on_ctrl_c_and_keeps_all_poin
     problem = quintic_problem()
     xs = [np.array([t]) for t in (2.5, 3.0, 3.5)]
     with stopping(0.0):
-        late = refine(problem, ["time", "effort"], xs, Exchange())
-    assert (late.solves, late.interrupted, len(late.xs)) == (0, False, 3)
+        late = refine(work := solves(problem), ["time", "effort"], xs)
+    assert (work.solves, late.interrupted, len(late.xs)) == (0, False, 3)
 
     def stop(*words: object) -> None:
         raise KeyboardInterrupt
 
-    stopped = refine(problem, ["time", "effort"], xs, Exchange(), progress=stop)
-    assert (stopped.solves, stopped.interrupted, len(stopped.xs)) == (1, True, 3)
+    stopped = refine(work := solves(problem), ["time", "effort"], xs, progress=stop)
+    assert (work.solves, stopped.interrupted, len(stopped.xs)) == (1, True, 3)
 
 
 # --- the whole ---

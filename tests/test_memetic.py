@@ -16,12 +16,14 @@ from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import WeightedSum
 from ocp_traj.results.front import Front
 from ocp_traj.results.pareto_set import ParetoSet
+from ocp_traj.results.solution import Solution
 from ocp_traj.results.trajectory import audit_points
 from ocp_traj.solvers.aims import STEP, Aim, Aims
 from ocp_traj.solvers.archive import Archive, Known
 from ocp_traj.solvers.ga import GA
 from ocp_traj.solvers.memetic import OUTER, Memetic
 from ocp_traj.solvers.pso import PSO
+from ocp_traj.transcription.nlp import Status
 from tests.closed_form import Quintic, quintic_problem, stairs_problem
 
 PAIR = ["time", "effort"]
@@ -30,6 +32,12 @@ SMALL = {"population": 20, "generations": 8, "every": 3, "chosen": 2, "points": 
 
 def proved(problem: Problem, objectives: list[str], found: ParetoSet) -> Front:
     return Front.of(problem, objectives, found.xs, method="", seed=None, seconds=0.0)
+
+
+def known(x: float, f: np.ndarray) -> Known:
+    """A point of an archive, of one variable."""
+    x_ = np.array([x])
+    return Known(x_, f, Solution("", x_, float(f[0]), Status.SOLVED, 0.0, 0, 0.0))
 
 
 # --- the archive ---
@@ -42,7 +50,7 @@ def test_an_archive_holds_what_nothing_dominates_whatever_the_order() -> None:
     for order in (np.arange(200), rng.permutation(200)):
         archive = Archive(2, np.ones(2))
         for i in order:
-            archive.add(Known(np.array([float(i)]), f[i]))
+            archive.add(known(float(i), f[i]))
         assert sorted(map(tuple, archive.f)) == sorted(map(tuple, best))
         assert all((f[int(point.x[0])] == point.f).all() for point in archive.points)
         assert not archive.gains(f[0])  # a point that is known gains nothing
@@ -52,20 +60,20 @@ def test_the_widest_gap_is_between_neighbours_and_is_looked_into_once() -> None:
     """(0, 10), (1, 4), (5, 1), (10, 0): areas 6, 12 and 5."""
     archive = Archive(2, np.ones(2))
     for i, f in enumerate([[5.0, 1.0], [0.0, 10.0], [10.0, 0.0], [1.0, 4.0]]):
-        archive.add(Known(np.array([float(i)]), np.array(f)))
+        archive.add(known(float(i), np.array(f)))
     found = []
     while (pair := archive.gap()) is not None:
         archive.close(*pair)
         found.append(tuple(sorted(point.f[0] for point in pair)))
     assert found == [(1.0, 5.0), (0.0, 1.0), (5.0, 10.0)]
-    archive.drop(np.array([3.0]))
+    assert archive.drop(archive.points[3].solution) and not archive.drop(known(0.0, np.zeros(2)).solution)
     assert archive.gap() is not None  # its neighbours are now neighbours
 
 
 def test_of_three_objectives_the_nearest_point_is_the_neighbour() -> None:
     archive = Archive(3, np.ones(3))
     for i, f in enumerate([[0.0, 1.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, 0.0], [0.1, 0.9, 0.9]]):
-        archive.add(Known(np.array([float(i)]), np.array(f)))
+        archive.add(known(float(i), np.array(f)))
     pair = archive.gap()
     assert pair is not None and {point.name for point in pair} != {np.array([0.0]).tobytes(), np.array([3.0]).tobytes()}
 
@@ -147,7 +155,7 @@ def test_beyond_each_end_is_looked_once_and_not_past_the_reference() -> None:
         aims = Aims(archive, target, 0.2, complete, np.random.default_rng(0))
         assert aims.beyond() is None  # of nothing
         for t in (2.5, 3.9):
-            archive.add(Known(np.array([t]), aims.values(np.array([t]))))
+            archive.add(known(t, aims.values(np.array([t]))))
         return list(iter(aims.beyond, None))
 
     assert looked(complete=True) == []
