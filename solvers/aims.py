@@ -40,7 +40,7 @@ class Aim:
     @property
     def turned(self) -> Aim | None:
         """The same gap from its other side."""
-        return None if self.other is None else replace(self, x=self.other.x, near=self.other, other=None)
+        return None if self.other is None else replace(self, x=self.other.x, near=_solved(self.other), other=None)
 
 
 class Aims:
@@ -126,11 +126,14 @@ class Aims:
     def _between(self, one: Known, other: Known) -> Aim:
         """From the middle of two of one family, whose objectives lie between theirs; else from one of them."""
         goal, worst = np.minimum(one.f, other.f), np.maximum(one.f, other.f)
+        if one.solution is None:
+            one, other = other, one
         x = 0.5 * (one.x + other.x)
         f = self.values(x)
         alike = bool(((goal <= f) & (f <= worst)).all())
         weights = np.maximum(worst - goal, LEAST * self.archive.extent)
-        return Aim("gap", x if alike else one.x, goal, weights, one, other)
+        near = _solved(one) or self.archive.nearest(one.f)
+        return Aim("gap", x if alike else one.x, goal, weights, near, other)
 
     def beyond(self) -> Aim | None:
         """From an end of what is known outwards: better in its objective, and no more than that worse in the others."""
@@ -143,8 +146,12 @@ class Aims:
             step[others] = np.minimum(step, self.target.worst - goal)[others]
             if end.name not in self._ended[k] and (step > LEAST * size).all():
                 self._ended[k].add(end.name)
-                return Aim("beyond", end.x, goal, step, end)
+                return Aim("beyond", end.x, goal, step, _solved(end))
         return None
+
+
+def _solved(point: Known) -> Known | None:
+    return point if point.solution is not None else None
 
 
 def _dominated(f: Array, others: Array) -> bool:

@@ -19,12 +19,12 @@ class Known:
     Attributes:
         x: ``(n,)``.
         f: traded objectives ``(objectives,)``, less is better.
-        solution: whose instants and multipliers a neighbour's solve begins with.
+        solution: whose instants and multipliers a neighbour's solve begins with, where there is one.
     """
 
     x: Array
     f: Array
-    solution: Solution
+    solution: Solution | None = None
 
     @property
     def name(self) -> bytes:
@@ -68,10 +68,11 @@ class Archive:
         return True
 
     def nearest(self, f: Array) -> Known | None:
-        """The point that is nearest to ``f (objectives,)`` in units of the front's extent, if there is one."""
-        if not self.points:
+        """The point with a solution that is nearest to ``f (objectives,)`` in units of the front's extent."""
+        solved = [i for i, point in enumerate(self.points) if point.solution is not None]
+        if not solved:
             return None
-        return self.points[int(np.argmin(np.linalg.norm((self.f - f) / self.extent, axis=1)))]
+        return self.points[solved[int(np.argmin(np.linalg.norm((self.f[solved] - f) / self.extent, axis=1)))]]
 
     def drop(self, solution: Solution) -> bool:
         """Takes a point out again, which is not as it was found after all; whether it was there."""

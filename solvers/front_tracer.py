@@ -111,8 +111,7 @@ class FrontTracer:
         if ends.tried and not ends.unsolved:
             info["ideal"] = front.ideal
         xs = [solution.x for solution in front.solutions]
-        seconds = time.perf_counter() - begun
-        return ParetoSet(xs, "trace", self.seed, seconds, info, interrupted, solutions=front.solutions)
+        return ParetoSet(xs, "trace", self.seed, time.perf_counter() - begun, info, interrupted)
 
 
 def _surface(front: FrontPoints) -> FrontSurface:

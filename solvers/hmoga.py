@@ -151,7 +151,7 @@ class HMOGA:
         chosen = [genetic[i - known] for i in well_spaced(f, self.points) if i >= known]
         chosen += _least_broken(algorithm.pop, self.points - known - len(chosen))
         work = Solves(problem, self.solver, self.workers, self.found)
-        refined = refine(work, objectives, chosen, ends.solutions, self.progress)
+        refined = refine(work, objectives, chosen, ends.xs, self.progress)
         if refined.reached < len(chosen):
             info[ENDED_AFTER] = f"refining {refined.reached} of {len(chosen)} points"
         info |= {

@@ -118,7 +118,7 @@ class Memetic:
         known = list(ends.xs) or inside(target, np.array([problem.guess(rng)]))
         first = first_generation(target, problem, objectives, known, self.population, self.seeded, rng)
         complete = ENDED_AFTER not in info and not ends.info["unsolved ends"]
-        stages = Stages(self, problem, objectives, target, ends.solutions, complete, rng)
+        stages = Stages(self, problem, objectives, target, ends.xs, complete, rng)
         run = evolve(
             self._algorithm(first, len(objectives)), target, self.generations, self.seed,
             max(stop.deadline - time.perf_counter(), 0.0), self.progress, after=stages.after, found=self.found,

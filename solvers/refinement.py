@@ -85,7 +85,7 @@ def refine(
     work: Solves,
     objectives: Sequence[str],
     xs: Sequence[Array],
-    among: Sequence[Solution] = (),
+    among: Sequence[Array] = (),
     progress: Progress = silent,
 ) -> Refined:
     """Refines points, each from itself; those not proved to begin with are slowed down first where that proves them.
@@ -96,7 +96,7 @@ def refine(
         work: solves, in waves; each begins with instants and multipliers of the nearest solution yet.
         objectives: traded.
         xs: decision vectors ``(n,)``.
-        among: solutions at other points of the front; with these the nadir is that of the whole front.
+        among: other points of the front, which stay as they are; with these the nadir is that of the whole front.
         progress: told after each point.
     """
     begun, found = time.perf_counter(), Refined([np.asarray(x, dtype=float) for x in xs])
@@ -112,17 +112,17 @@ class _Refinement:
     """Points ``f (N, objectives)``, less is better, their ``weights``, and the solutions so far with their places."""
 
     def __init__(
-        self, work: Solves, objectives: tuple[str, ...], found: Refined, among: Sequence[Solution], progress: Progress
+        self, work: Solves, objectives: tuple[str, ...], found: Refined, among: Sequence[Array], progress: Progress
     ) -> None:
         problem = work.problem
         self.work, self.names, self.found, self.progress = work, objectives, found, progress
         found.xs[:], self.audits = slow_down(problem, found.xs)
         self.signs = np.array([1.0 if problem.objective(name).sense == "min" else -1.0 for name in objectives])
-        f = np.array([self._values(evaluate_objectives(problem, x)) for x in (*found.xs, *(one.x for one in among))])
+        f = np.array([self._values(evaluate_objectives(problem, x)) for x in (*found.xs, *among)])
         self.weights = weights(f, np.array([problem.objective(name).scale for name in objectives]))
         self.extent = np.where(np.ptp(f, axis=0) > 0.0, np.ptp(f, axis=0), 1.0)
         self.f = f[: len(found.xs)]
-        self.known = [(place, one) for place, one in zip(f[len(found.xs) :], among, strict=True)]
+        self.known: list[tuple[Array, Solution]] = []
         self.solved: dict[int, Solution] = {}
 
     def run(self, stop: Stopping) -> None:

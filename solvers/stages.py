@@ -55,23 +55,23 @@ class Stages:
         problem: whose limits hold.
         objectives: traded.
         target: the population's problem.
-        ends: what local solves have found, proved.
+        ends: decision vectors ``(n,)`` that are proved; their NLPs are too unlike goal attainment's to begin with.
         complete: whether these are the ends of the whole front, so that none is looked for beyond them.
         rng: of what is random.
     """
 
     def __init__(
         self, recipe: Recipe, problem: Problem, objectives: tuple[str, ...], target: PymooProblem,
-        ends: Sequence[Solution], complete: bool, rng: np.random.Generator,
+        ends: Sequence[Array], complete: bool, rng: np.random.Generator,
     ) -> None:  # fmt: skip
         """Takes the ends in; see the class."""
         self.recipe, self.names, self.target = recipe, objectives, target
         self.work = Solves(problem, recipe.solver, recipe.workers, recipe.found)
         self.archive = Archive(len(objectives), target.scales)
         self.aims = Aims(self.archive, target, recipe.far_share, complete, rng)
-        for end in ends:
-            self.archive.add(Known(end.x, self._of(end), end))
-            self.aims.tried.add(end.x.tobytes())
+        for x in ends:
+            self.archive.add(Known(x, self.aims.values(x)))
+            self.aims.tried.add(x.tobytes())
         self.seconds = self.seconds_within = 0.0
         self.better = self.stages = self.injected = self.survived = 0
         self.kinds = {"first rank": 0, "far": 0, "gap": 0, "beyond": 0}

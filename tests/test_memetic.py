@@ -50,7 +50,7 @@ def test_an_archive_holds_what_nothing_dominates_whatever_the_order() -> None:
     for order in (np.arange(200), rng.permutation(200)):
         archive = Archive(2, np.ones(2))
         for i in order:
-            archive.add(known(float(i), f[i]))
+            archive.add(Known(np.array([float(i)]), f[i]))
         assert sorted(map(tuple, archive.f)) == sorted(map(tuple, best))
         assert all((f[int(point.x[0])] == point.f).all() for point in archive.points)
         assert not archive.gains(f[0])  # a point that is known gains nothing
@@ -61,19 +61,21 @@ def test_the_widest_gap_is_between_neighbours_and_is_looked_into_once() -> None:
     archive = Archive(2, np.ones(2))
     for i, f in enumerate([[5.0, 1.0], [0.0, 10.0], [10.0, 0.0], [1.0, 4.0]]):
         archive.add(known(float(i), np.array(f)))
+    last = archive.points[3]
+    assert last.solution is not None
     found = []
     while (pair := archive.gap()) is not None:
         archive.close(*pair)
         found.append(tuple(sorted(point.f[0] for point in pair)))
     assert found == [(1.0, 5.0), (0.0, 1.0), (5.0, 10.0)]
-    assert archive.drop(archive.points[3].solution) and not archive.drop(known(0.0, np.zeros(2)).solution)
+    assert archive.drop(last.solution) and not archive.drop(last.solution)
     assert archive.gap() is not None  # its neighbours are now neighbours
 
 
 def test_of_three_objectives_the_nearest_point_is_the_neighbour() -> None:
     archive = Archive(3, np.ones(3))
     for i, f in enumerate([[0.0, 1.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, 0.0], [0.1, 0.9, 0.9]]):
-        archive.add(known(float(i), np.array(f)))
+        archive.add(Known(np.array([float(i)]), np.array(f)))
     pair = archive.gap()
     assert pair is not None and {point.name for point in pair} != {np.array([0.0]).tobytes(), np.array([3.0]).tobytes()}
 
@@ -155,7 +157,7 @@ def test_beyond_each_end_is_looked_once_and_not_past_the_reference() -> None:
         aims = Aims(archive, target, 0.2, complete, np.random.default_rng(0))
         assert aims.beyond() is None  # of nothing
         for t in (2.5, 3.9):
-            archive.add(known(t, aims.values(np.array([t]))))
+            archive.add(Known(np.array([t]), aims.values(np.array([t]))))
         return list(iter(aims.beyond, None))
 
     assert looked(complete=True) == []

@@ -21,10 +21,13 @@ from ocp_traj.parallel.job import Answer, Job
 from ocp_traj.parallel.processes import Processes, WorkerDied
 from ocp_traj.parallel.recipe import Recipe
 from ocp_traj.parallel.workers import Pending, Workers
+from ocp_traj.results.records import SOLVE as SOLVES
 from ocp_traj.results.records import Record
 from ocp_traj.solvers.exchange import Exchange
 from ocp_traj.solvers.front_tracer import FrontTracer
+from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.solvers.ipopt import Ipopt
+from ocp_traj.solvers.memetic import Memetic
 from ocp_traj.solvers.multistart import Multistart
 from ocp_traj.solvers.waves import SOLVE
 from tests.closed_form import quintic_problem, stairs_problem
@@ -141,6 +144,35 @@ def test_what_is_begun_ahead_changes_no_bit_of_a_front_of_three_objectives() -> 
     names = ["time", "first", "second"]
     one, ahead = (FrontTracer(points=8, workers=w).pareto(stairs_problem(), names) for w in (Workers(), Ahead()))
     assert np.array_equal(one.xs, ahead.xs) and one.info == ahead.info
+
+
+WAVES = {
+    "memetic": Memetic(0, population=12, generations=6, every=3, chosen=5, points=6),
+    "hmoga": HMOGA(0, population=12, generations=4, points=9),
+}
+
+
+@pytest.mark.parametrize("method", WAVES)
+def test_local_solves_of_a_population_that_are_begun_ahead_or_answered_change_nothing(method: str) -> None:
+    told: list[Record] = []
+    whole = replace(WAVES[method], found=told.append).pareto(quintic(), ["time", "effort"])
+    kept = json.loads(json.dumps([record for record in told if record.get("key")]))
+    known = Workers({record["key"]: record for record in kept})
+    for workers in (Ahead(), known):
+        again = replace(WAVES[method], workers=workers).pareto(quintic(), ["time", "effort"])
+        assert np.array_equal(again.xs, whole.xs)
+        assert all(again.info[name] == whole.info[name] for name in ("solves", "iterations"))
+    assert known.answered >= whole.info["solves"] > 4
+    assert sum(record["kind"] == SOLVES for record in kept) >= whole.info["solves"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", WAVES)
+def test_two_processes_find_the_same_points_around_a_population(method: str) -> None:
+    here = WAVES[method].pareto(quintic(), ["time", "effort"])
+    with Processes(2) as workers:
+        there = replace(WAVES[method], workers=workers).pareto(quintic(), ["time", "effort"])
+    assert np.array_equal(there.xs, here.xs)
 
 
 def wavy() -> Problem:

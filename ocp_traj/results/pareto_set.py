@@ -10,7 +10,6 @@ from ocp_traj.arrays import Array
 from ocp_traj.errors import InputError
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.results.front import Front
-from ocp_traj.results.solution import Solution
 from ocp_traj.results.time_scaling import slow_down
 
 ENDED_AFTER = "ended after"  # key of ``info``: what was done, of how much, when Ctrl-C or a budget ended the method
@@ -29,7 +28,6 @@ class ParetoSet:
         interrupted: whether Ctrl-C ended it.
         champions: of a population, after each generation the best feasible individual so far in the first objective
             ``(generations, n)``, NaN where there is none; None where there is no population, or nobody kept them.
-        solutions: what local solves have found at ``xs``, for others to begin with; empty where none has.
     """
 
     xs: Sequence[Array]
@@ -39,7 +37,6 @@ class ParetoSet:
     info: Mapping[str, Any] = field(default_factory=dict)
     interrupted: bool = False
     champions: Array | None = None
-    solutions: Sequence[Solution] = ()
 
 
 def check_traded(objectives: Sequence[str]) -> None:
