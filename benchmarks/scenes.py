@@ -36,6 +36,7 @@ from benchmarks.scenes_table import contradicted, section_of
 from benchmarks.sections import put
 from benchmarks.sphere_robot import Cell, SphereRobot
 from ocp_traj import problems
+from ocp_traj.errors import InputError
 from ocp_traj.files import write_text
 from ocp_traj.io.import_scene import import_scene
 from ocp_traj.results.solution import Solution
@@ -97,7 +98,7 @@ def solved(task: Path, start: str, seconds: float, tries: int) -> tuple[Solution
         except KeyboardInterrupt:
             reason = f"{reason}; seed {seed} was stopped".lstrip("; ")
             break
-        except ot.InputError as error:
+        except InputError as error:
             return None, time.process_time() - begun, str(error)
         if found.audit is not None and found.audit.proved:
             return found, time.process_time() - begun, ""
@@ -221,7 +222,7 @@ def measured(part: str, folder: Path, place: tuple[str, str, int], seconds: floa
     with tempfile.TemporaryDirectory() as temporary:
         try:
             return dict(getattr(Setting(folder, *place, Path(temporary)), part)(seconds, tries))
-        except ot.InputError as error:
+        except InputError as error:
             return {"refused": str(error)}
 
 
