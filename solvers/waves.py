@@ -80,7 +80,7 @@ class Solves:
 
     def begin(self, request: Request) -> Begun:
         """Submits a request, whose solution is taken later, or never."""
-        solver = replace(self.solver, prove=request.prove or request.warm is None)
+        solver = replace(self.solver, prove=request.prove)
         first = self._submit(request.scalarisation, request.x0, solver, request.warm)
         others = [self._submit(request.scalarisation, x, self.solver) for x in request.others]
         return Begun(request, first, others)
