@@ -223,7 +223,7 @@ def measured(part: str, folder: Path, place: tuple[str, str, int], seconds: floa
         try:
             return dict(getattr(Setting(folder, *place, Path(temporary)), part)(seconds, tries))
         except InputError as error:
-            return {"refused": str(error)}
+            return {"refused": str(error).removeprefix(f"{Path(temporary) / 'task.toml'}: ")}
 
 
 def main() -> None:

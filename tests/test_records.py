@@ -17,11 +17,11 @@ from ocp_traj.results.records import Record, of_solve
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.solution_records import of_solution, solution_of
 from ocp_traj.solvers.exchange import Exchange
-from ocp_traj.solvers.front_curve import TOGETHER
 from ocp_traj.solvers.front_tracer import FrontTracer
 from ocp_traj.solvers.hmoga import HMOGA
 from ocp_traj.solvers.mopso import MOPSO
 from ocp_traj.solvers.nsga2 import NSGA2
+from ocp_traj.solvers.waves import TOGETHER
 from tests.closed_form import Quintic, quintic_problem, stairs_problem
 
 PAIR = ["time", "effort"]
