@@ -53,9 +53,9 @@ def arm(limits: str) -> tuple[ot.Robot, Bounds]:
 
 
 def cells(quick: bool) -> Iterator[Cell]:
-    """200 moves, up to jerk, with torques, and with snap; when quick 12, 5 and 5."""
+    """200 moves, up to jerk, with torques, and with snap; when quick 8, 5 and 5."""
     for limits in LIMITS:
-        for seed in range((12 if limits == "up to jerk" else 5) if quick else 200):
+        for seed in range((8 if limits == "up to jerk" else 5) if quick else 200):
             yield Cell("ours", limits, "", seed)
             yield Cell("Ruckig", limits, BEST, seed)
     for setting in SETTINGS:

@@ -102,10 +102,10 @@ def _of(found: Any) -> Solved:
 
 
 AXES: dict[str, tuple[Callable[[int], Solved], tuple[int, ...], tuple[int, ...]]] = {  # sizes: quick, and whole
-    "via points": (_via_points, (10, 30, 100), (10, 30, 100, 300, 1000)),
-    "joints": (_joints, (3, 6, 10), (3, 5, 7, 10, 14)),
+    "via points": (_via_points, (10, 30), (10, 30, 100, 300, 1000)),
+    "joints": (_joints, (3, 6), (3, 5, 7, 10, 14)),
     "objectives": (_objectives, (2, 4), (2, 3, 4, 5, 6)),
-    "obstacles": (_obstacles, (0, 5, 20), (0, 1, 5, 10, 20, 50)),
+    "obstacles": (_obstacles, (0, 5), (0, 1, 5, 10, 20, 50)),
 }
 WORKERS, DASK = "workers", "Dask"
 
