@@ -46,9 +46,9 @@ class Row:
     """
 
     id: str
-    objectives: tuple[str, str]
-    ideal: tuple[float, float]
-    reference: tuple[float, float]
+    objectives: tuple[str, ...]
+    ideal: tuple[float, ...]
+    reference: tuple[float, ...]
     best: float
     case: Mapping[str, str] = field(default_factory=dict)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import count
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -23,7 +25,10 @@ def algorithm(method: str, objectives: int, size: int) -> Any:
     """The algorithm with the operators that its class comes with."""
     if method == "NSGA-II":
         return NSGA2(pop_size=size)
-    directions = get_reference_directions("uniform", objectives, n_partitions=size - 1)  # of two objectives
+    larger = next(
+        p for p in count(1) if comb(p + objectives - 1, p) > size
+    )  # a direction for each, if there are so many
+    directions = get_reference_directions("uniform", objectives, n_partitions=larger - 1)
     if method == "NSGA-III":
         return NSGA3(pop_size=size, ref_dirs=directions)
     return ParallelMOEAD(directions, n_neighbors=15, prob_neighbor_mating=0.7)

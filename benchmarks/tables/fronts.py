@@ -101,12 +101,12 @@ def measure(cell: Cell) -> Figures:
     choices = list((problem.alternatives or {"": problem}).values())
     begun, found = time.process_time(), []
     for choice in choices:
-        found.append(_evolve(choice, row, cell, int(size.removeprefix(", ")), float(seconds) / len(choices)))
+        found.append(evolve(choice, row, cell, int(size.removeprefix(", ")), float(seconds) / len(choices)))
     spent = time.process_time() - begun
-    return {"cpu": spent, **_counted(row, choices, found)}
+    return {"cpu": spent, **counted(row, choices, found)}
 
 
-def _evolve(problem: Problem, row: methods.Row, cell: Cell, size: int, seconds: float) -> Array:
+def evolve(problem: Problem, row: methods.Row, cell: Cell, size: int, seconds: float) -> Array:
     """Decision vectors ``(M, n)`` that a peer ends with, feasible at its instants."""
     begun = time.process_time()  # compiling what evaluates is part of it
     plain = cell.tool not in pymoo_fronts.METHODS or not pymoo_fronts.CONSTRAINED[cell.tool]
@@ -126,7 +126,7 @@ def _evolve(problem: Problem, row: methods.Row, cell: Cell, size: int, seconds: 
     return target.meant(found[met])
 
 
-def _counted(row: methods.Row, choices: list[Problem], found: list[Array]) -> Figures:
+def counted(row: methods.Row, choices: list[Problem], found: list[Array]) -> Figures:
     """Hypervolumes as found and of what is proved, the proved values, and what the scan of some says."""
     values, proved, scans = [], [], []
     for problem, xs in zip(choices, found, strict=True):
@@ -135,7 +135,7 @@ def _counted(row: methods.Row, choices: list[Problem], found: list[Array]) -> Fi
         proved += audits
         chosen = sorted({0, len(xs) // 2, len(xs) - 1}) if len(xs) and row.id != "task" else []
         scans += [(audits[k], judged_point(problem, xs[k])["excess"]) for k in chosen[:SCANNED]]
-    every, sure = np.array(values).reshape(-1, 2), np.array(proved, dtype=bool)
+    every, sure = np.array(values).reshape(-1, len(row.objectives)), np.array(proved, dtype=bool)
     kept = every[sure]
     return {
         "as found": hypervolume(row, every), "points": len(every), "proved": int(sure.sum()),
@@ -147,14 +147,14 @@ def _counted(row: methods.Row, choices: list[Problem], found: list[Array]) -> Fi
 
 
 def shares(row: methods.Row, values: Array) -> Array:
-    """Objectives ``(N, 2)`` in shares of the row's box: 0 at the ideal, 1 at the reference."""
+    """Objectives ``(N, m)`` in shares of the row's box: 0 at the ideal, 1 at the reference."""
     ideal, reference = np.array(row.ideal), np.array(row.reference)
-    return (np.reshape(values, (-1, 2)) - ideal) / (reference - ideal)
+    return (np.reshape(values, (-1, len(ideal))) - ideal) / (reference - ideal)
 
 
 def hypervolume(row: methods.Row, values: Array) -> float:
-    """Share of the row's box that values ``(N, 2)`` dominate."""
-    return hypervolume_so_far(shares(row, values), np.ones(2), np.zeros(2)) or 0.0
+    """Share of the row's box that values ``(N, m)`` dominate."""
+    return hypervolume_so_far(shares(row, values), np.ones(len(row.ideal)), np.zeros(len(row.ideal))) or 0.0
 
 
 def igd_plus(lines: Lines, problem: str) -> dict[Cell, float]:
