@@ -22,6 +22,7 @@ from ocp_traj.progress import Progress, silent
 from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet, check_traded
 from ocp_traj.results.records import Found, ignore
 from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.front_completion import complete_early
 from ocp_traj.solvers.front_curve import FrontCurve
 from ocp_traj.solvers.front_ends import FrontEnds
 from ocp_traj.solvers.front_points import FrontPoints
@@ -76,6 +77,7 @@ class FrontTracer:
         many = Multistart(self.solver, starts, self.seed, workers=self.workers, found=self.found)
         ends = FrontEnds(front, many)
         surface: FrontSurface | None = None
+        info: dict[str, Any] = {}
         with stopping(self.max_seconds) as stop:
             complete = False
             try:
@@ -92,8 +94,11 @@ class FrontTracer:
             except STOPS as reason:
                 stop.take(reason)
                 work.prove(again=False)
+                if surface is None and self.points > len(objectives):
+                    starts = [] if stop.interrupted else ends.many.points(problem)  # may take long
+                    info["points without a solve"] = complete_early(front, starts)
             interrupted = not complete and stop.tell()
-        info: dict[str, Any] = {
+        info |= {
             "solves": work.solves,
             "iterations": work.iterations,
             "failed": work.failed,

@@ -385,3 +385,31 @@ def test_three_objectives_of_the_hybrid_robot_dominate_most_of_their_box(hybrid:
     assert len(f) == 24
     ideal, reference = np.array([2.4836, 1565.2, 0.0]), np.array([8.0, 6000.0, 100.0])
     assert moocore.hypervolume(np.maximum((f - ideal) / (reference - ideal), 0.0), ref=np.ones(3)) >= 0.60
+
+
+# --- stopped early ---
+
+
+def test_a_front_whose_time_is_over_before_any_solve_has_what_its_starting_points_give() -> None:
+    problem = problems.load("weld-bezier", case="air-move")
+    found = FrontTracer(max_seconds=1e-9).pareto(problem, ["air_time", "dynamic_effort"])
+    assert found.info["solves"] == 0
+    assert 0 < len(found.xs) == found.info["points without a solve"] <= 10
+    assert all(proved(problem, found))
+    assert not dominated(values(problem, found, ["air_time", "dynamic_effort"])).any()
+
+
+def test_a_stopped_front_keeps_its_solved_points() -> None:
+    solved: list[str] = []
+
+    def stop(_: dict[str, Any]) -> None:
+        solved.append("")
+        if len(solved) == 3:
+            raise KeyboardInterrupt
+
+    problem = problems.load("hybrid-spline")
+    found = FrontTracer(found=stop).pareto(problem, PAIR)
+    f = values(problem, found, PAIR)
+    assert len(f) <= 10 and all(proved(problem, found)) and not dominated(f).any()
+    whole = values(problem, FrontTracer(2).pareto(problem, PAIR), PAIR)
+    assert f[:, 0].min() <= whole[:, 0].min() + 1e-9

@@ -162,7 +162,7 @@ def test_a_front_of_alternatives_says_which_are_missing() -> None:
     assert front.info["ended after"] == "5 of 9 points of left, nothing of right"
 
 
-@pytest.mark.parametrize("method", ["trace", "hmoga", "nsga2", "mopso"])
+@pytest.mark.parametrize("method", ["hmoga", "nsga2", "mopso"])
 def test_a_budget_that_ends_before_anything_is_found_is_one_line(method: str) -> None:
     with pytest.raises(NoSolutionFound, match="within its budget; give it more|0 of them were run before their time"):
         ot.pareto(quintic_problem(), BOTH, method=method, budget=1e-9)
