@@ -100,15 +100,18 @@ class FrontCurve:
         scalar = EpsilonConstraint(
             front.names[1 - bounded], {front.names[bounded]: float(front.signs[bounded] * bound)}, augmentation=1e-6
         )
-        x0, nearest = start_within(front, pair, {bounded: bound})
         middle = self._middle(pair)
+        if middle is not None:  # beside the neighbour that meets the bound
+            x0, nearest = middle, pair[int(np.argmin(values[:, bounded]))]
+        else:
+            x0, nearest = start_within(front, pair, {bounded: bound})
         known = front.solutions[nearest]
         others = [front.solutions[i].x for i in pair if i != nearest]
         several = front.problem.tuning.starts > 1
         # Where solutions are compared, or asked for less than they keep, each is proved at once. Where one fails, once
         # more from the neighbours themselves and with all rows; of many local optima the other may lead to a better.
         return Request(
-            scalar, x0 if middle is None else middle, known,
+            scalar, x0, known,
             prove=front.problem.tighten_slacks is not None or several,
             fallbacks=[known.x] if several else [known.x, *others], others=others if several else [],
         )  # fmt: skip

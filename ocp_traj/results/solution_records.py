@@ -35,17 +35,24 @@ _PLAIN = ("name", "iterations", "row_count", "detail", "starts", "rounds", "move
 
 def exact(value: Any) -> Any:
     """A value as JSON holds it and ``float`` reads it back, numbers that are not finite as texts."""
-    if type(value) is float:
+    kind = type(value)
+    if kind is float:
         return value if isfinite(value) else repr(value)
-    if value is None or isinstance(value, str | int):
-        return value
-    if isinstance(value, Mapping):
-        return {str(key): item if type(item) in _AS_IS else exact(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [item if type(item) in _AS_IS else exact(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
+    if kind is np.ndarray:
         return value.tolist() if np.isfinite(value).all() else exact(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(key): item if _is_plain(item) else exact(item) for key, item in value.items()}
+    if kind is list or kind is tuple:
+        return [item if _is_plain(item) else exact(item) for item in value]
+    if isinstance(value, np.generic):
+        return exact(value.item())
     return value
+
+
+def _is_plain(item: Any) -> bool:
+    """Whether ``exact`` has nothing to do: what most items are, and cheaper to ask than a call of its own."""
+    kind = type(item)
+    return kind in _AS_IS or (kind is float and isfinite(item))
 
 
 def of_solution(solution: Solution) -> Plain:
