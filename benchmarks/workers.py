@@ -36,11 +36,6 @@ class Clocked(Workers):
         self._waited, self._begun = 0.0, time.process_time()
 
     @property
-    def ahead(self) -> int:
-        """As of workers that there are."""
-        return self.count
-
-    @property
     def own(self) -> float:
         """Seconds of the process that asks."""
         return time.process_time() - self._begun - self.jobs

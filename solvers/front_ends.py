@@ -8,6 +8,7 @@ import numpy as np
 
 from ocp_traj.errors import NoSolutionFound
 from ocp_traj.formulation.scalarise import EpsilonConstraint, Scalarisation
+from ocp_traj.parallel.workers import Pending
 from ocp_traj.progress import silent
 from ocp_traj.results.records import of_solve
 from ocp_traj.results.solution import Solution
@@ -46,8 +47,10 @@ class FrontEnds:
         """
         front, work = self.front, self.front.work
         missing: list[tuple[str, Solution]] = []
+        begun = [self._many(k).begin(front.problem, self._end(name)) for k, name in enumerate(front.names)
+                 if front.problem.levels is None]  # fmt: skip
         for k, name in enumerate(front.names):
-            solution = self._from_guesses(self._end(name), k, f"the best {name}")
+            solution = self._from_guesses(self._end(name), k, f"the best {name}", begun[k] if begun else None)
             work.count(self._end(name), solution)
             if solution.ok:
                 front.add(solution)
@@ -90,16 +93,23 @@ class FrontEnds:
             if solution.ok and front.value(solution)[1 - k] < front.values[k, 1 - k] - WORTHWHILE * span[1 - k]:
                 front.replace(front.solutions[k], solution)
 
-    def _from_guesses(self, scalar: Scalarisation, number: int, words: str) -> Solution:
+    def _many(self, number: int) -> Multistart:
+        """The random starts of one end: others than those of another."""
+        return replace(self.many, seed=self.many.seed + number)
+
+    def _from_guesses(
+        self, scalar: Scalarisation, number: int, words: str, begun: dict[int, list[Pending]] | None = None
+    ) -> Solution:
         front = self.front
 
         def tell(done: int, total: int, _: str) -> None:
             front.tell(f"{words}, {done} of {total} starts")
 
         told = silent if front.progress is silent else tell
-        many = replace(self.many, seed=self.many.seed + number, progress=told)
-        solver = many if front.problem.levels is None else ByLevels(many, refine=False)
-        return solver.solve(front.problem, scalar)
+        many = replace(self._many(number), progress=told)
+        if front.problem.levels is None:
+            return many.solve(front.problem, scalar, begun)
+        return ByLevels(many, refine=False).solve(front.problem, scalar)
 
     def _end(self, name: str) -> EpsilonConstraint:
         known = self.front.problem.reference_point

@@ -95,8 +95,8 @@ class FrontTracer:
                 stop.take(reason)
                 work.prove(again=False)
                 if surface is None and self.points > len(objectives):
-                    starts = [] if stop.interrupted else ends.many.points(problem)  # may take long
-                    info["points without a solve"] = complete_early(front, starts)
+                    beginnings = [] if stop.interrupted else ends.many.points(problem)  # may take long
+                    info["points without a solve"] = complete_early(front, beginnings)
             interrupted = not complete and stop.tell()
         info |= {
             "solves": work.solves,

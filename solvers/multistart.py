@@ -81,19 +81,18 @@ class Multistart:
         return [Line(problem, scalarisation, each, self.workers, gives_up, found) for each in solvers]
 
     def _solved(
-        self, problem: Problem, scalarisation: Scalarisation, lines: Sequence[Line | WholeLine]
-    ) -> tuple[list[Solution], int, str]:
+        self, problem: Problem, scalarisation: Scalarisation, lines: Sequence[Line | WholeLine],
+        begun: dict[int, list[Pending]] | None = None,
+    ) -> tuple[list[Solution], int, str]:  # fmt: skip
         """The solutions, of how many starts, and after how many of them Ctrl-C came, if it did."""
         solutions: list[Solution] = []
         points = self.points(problem)
         done = 0
-        begun: dict[int, list[Pending]] = {}
+        begun = {} if begun is None else begun
         with stopping() as stop:
             try:
                 for i, x0 in enumerate(points):
-                    for j in range(i, min(i + 1 + self.workers.ahead, len(points))):
-                        if j not in begun:
-                            begun[j] = [line.begin(points[j]) for line in lines]
+                    self._begin(points, lines, begun, i)
                     for line, pending in zip(lines, begun.pop(i), strict=True):
                         solutions += line.end(x0, pending)
                     done += 1
@@ -107,16 +106,38 @@ class Multistart:
                 forget_openings(problem)
             return solutions, done, f"after {done} of {len(points)} starts" if stop.tell() else ""
 
+    def _begin(
+        self, points: Sequence[Array], lines: Sequence[Line | WholeLine], begun: dict[int, list[Pending]], first: int
+    ) -> None:
+        """Submits a start, and as many after it as workers look ahead, but those that are begun."""
+        for j in range(first, min(first + 1 + self.workers.ahead, len(points))):
+            if j not in begun:
+                begun[j] = [line.begin(points[j]) for line in lines]
+
+    def begin(self, problem: Problem, scalarisation: Scalarisation) -> dict[int, list[Pending]]:
+        """Submits the first starts of a ``solve`` that comes later, for workers that have nothing else to do."""
+        begun: dict[int, list[Pending]] = {}
+        if self.workers.ahead:
+            self._begin(self.points(problem), self._lines(problem, scalarisation, not self.all_optima), begun, 0)
+        return begun
+
     @one_blas_thread
-    def solve(self, problem: Problem, scalarisation: Scalarisation) -> Solution:
+    def solve(
+        self, problem: Problem, scalarisation: Scalarisation, begun: dict[int, list[Pending]] | None = None
+    ) -> Solution:
         """The best of all starts: proved before unproved, then the smaller value.
 
         Ctrl-C ends it early with the best so far, whose ``interrupted`` says so; before the first start has ended it
         raises ``KeyboardInterrupt``.
+
+        Args:
+            problem: what to solve.
+            scalarisation: its objectives as one.
+            begun: what ``begin`` has submitted of it.
         """
-        begun = time.perf_counter()
+        since = time.perf_counter()
         lines = self._lines(problem, scalarisation, gives_up=not self.all_optima)
-        solutions, done, interrupted = self._solved(problem, scalarisation, lines)
+        solutions, done, interrupted = self._solved(problem, scalarisation, lines, begun)
         pairs = [pair for line in lines if isinstance(line, Line) for pair in line.pairs]
         optima = with_sampled(problem, distinct(problem, solutions, SOLVES), pairs) if self.all_optima else ()
         each = SOLVES if self.all_optima else 1
@@ -124,7 +145,7 @@ class Multistart:
         if best.status is Status.LOCALLY_INFEASIBLE and best.conflicts and not interrupted:
             best = replace(best, conflicts=amounts_to_give(problem, scalarisation, best))
         return replace(
-            best, seconds=time.perf_counter() - begun, optima=optima, starts=done,
+            best, seconds=time.perf_counter() - since, optima=optima, starts=done,
             given_up=done - len(solutions) // each, interrupted=interrupted, key="",
         )  # fmt: skip
 

@@ -55,10 +55,6 @@ class Ahead(Workers):
 
     count = 3
 
-    @property
-    def ahead(self) -> int:
-        return self.count
-
     def _begin(self, job: Job) -> Pending:
         pending = super()._begin(job)
         pending.result()
@@ -138,6 +134,21 @@ def test_what_is_begun_ahead_changes_no_bit_of_a_front(objectives: list[str]) ->
     assert np.array_equal(fronts[0].xs, fronts[1].xs) and fronts[0].info == fronts[1].info
     assert [r["points"] for r in told[0]] == [r["points"] for r in told[1]]
     assert [r.get("key") for r in told[0]] == [r.get("key") for r in told[1]]
+
+
+def test_the_ends_of_a_front_are_begun_together() -> None:
+    submitted: list[str] = []
+
+    class Told(Ahead):
+        def _begin(self, job: Job) -> Pending:
+            submitted.append(str(job.arguments["scalarisation"].names))
+            return super()._begin(job)
+
+    told: list[int] = []
+    FrontTracer(points=2, workers=Told(), found=lambda _: told.append(len(submitted))).pareto(
+        quintic(), ["time", "effort"]
+    )
+    assert told[0] == len(submitted) >= 2 and len(set(submitted)) == 2
 
 
 def test_what_is_begun_ahead_changes_no_bit_of_a_front_of_three_objectives() -> None:

@@ -59,16 +59,6 @@ class Cluster(Workers):
             self._counted = time.monotonic(), self._number()
         return self._counted[1]
 
-    @property
-    def ahead(self) -> int:
-        """One job for each worker, and one that waits for the first who is done."""
-        return self.count
-
-    @property
-    def busy(self) -> int:
-        """How many workers have a job at the moment."""
-        return min(self.count, sum(not one.future.done() for one in self._pending))
-
     def close(self) -> None:
         """Leaves the cluster; it drops the jobs that nobody waits for any more."""
         for one in self._pending:

@@ -47,16 +47,6 @@ class Processes(Workers):
         self._pool: _Pool | None = None
         self._pending: list[_There] = []
 
-    @property
-    def ahead(self) -> int:
-        """One job for each worker, and one that waits for the first who is done."""
-        return self.count
-
-    @property
-    def busy(self) -> int:
-        """How many workers have a job at the moment."""
-        return min(self.count, sum(not one.future.done() for one in self._pending))
-
     def close(self) -> None:
         """Ends the processes at once."""
         pool, self._pool, self._pending = self._pool, None, []

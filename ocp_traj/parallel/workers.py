@@ -7,7 +7,8 @@ that is known already, from the journal of a run that was stopped, is not worked
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Future
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -20,6 +21,12 @@ class Pending(Protocol):
 
     def result(self) -> Answer:
         """The answer, with the job's key; waits for it. Raises what the job has raised."""
+
+
+class Elsewhere(Pending, Protocol):
+    """A job that is with a worker, or waits for one."""
+
+    future: Future[Answer]
 
 
 class Workers:
@@ -36,16 +43,20 @@ class Workers:
     def __init__(self, known: Mapping[str, Answer] | None = None) -> None:
         self.known = dict(known or {})
         self.answered = 0
+        self._pending: Sequence[Elsewhere] = []
 
     @property
     def ahead(self) -> int:
-        """How many jobs are worth submitting beyond the one whose answer is needed next."""
-        return 0
+        """How many jobs are worth submitting beyond the one whose answer is needed next.
+
+        One for each worker, and so one that waits for the first who is done.
+        """
+        return self.count
 
     @property
     def busy(self) -> int:
         """How many workers have a job at the moment."""
-        return 0
+        return min(self.count, sum(not one.future.done() for one in self._pending))
 
     def submit(self, job: Job) -> Pending:
         """Begins a job, or finds its answer."""
