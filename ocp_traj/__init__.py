@@ -10,10 +10,10 @@ if TYPE_CHECKING:  # the same names for type checkers, which run no ``__getattr_
     from ocp_traj import curves as curves
     from ocp_traj import problems as problems
     from ocp_traj import solvers as solvers
-    from ocp_traj.api import certify_front as certify_front
-    from ocp_traj.api import pareto as pareto
-    from ocp_traj.api import payload as payload
-    from ocp_traj.api import solve as solve
+    from ocp_traj.api.fronts import certify_front as certify_front
+    from ocp_traj.api.fronts import pareto as pareto
+    from ocp_traj.api.payloads import payload as payload
+    from ocp_traj.api.solving import solve as solve
     from ocp_traj.curves.bernstein import PiecewiseBezier as PiecewiseBezier
     from ocp_traj.formulation import standard as standard
     from ocp_traj.formulation.about import About as About
@@ -62,10 +62,10 @@ _PUBLIC = {
     "with_objective": "ocp_traj.formulation.additions:with_objective",
     "RobotState": "ocp_traj.formulation.additions:RobotState",
     "Task": "ocp_traj.formulation.task:Task",
-    "solve": "ocp_traj.api:solve",
-    "pareto": "ocp_traj.api:pareto",
-    "certify_front": "ocp_traj.api:certify_front",
-    "payload": "ocp_traj.api:payload",
+    "solve": "ocp_traj.api.solving:solve",
+    "pareto": "ocp_traj.api.fronts:pareto",
+    "certify_front": "ocp_traj.api.fronts:certify_front",
+    "payload": "ocp_traj.api.payloads:payload",
     "compare_fronts": "ocp_traj.results.front_comparison:compare_fronts",
     "register": "ocp_traj.formulation.registry:register",
     "load_run": "ocp_traj.io.run_reader:load_run",

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from ocp_traj.api import solve
+from ocp_traj.api.solving import solve
 from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint

@@ -10,7 +10,8 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-from ocp_traj import api, problems
+from ocp_traj import problems
+from ocp_traj.api.solving import solve
 from ocp_traj.cli import sheets
 from ocp_traj.cli.commands import run
 from ocp_traj.errors import InputError
@@ -203,7 +204,7 @@ def kept(motion: Trajectory | None) -> bool:
 @pytest.mark.parametrize(("rest", "seconds"), [(False, 4.23), (True, 7.06)])
 def test_the_quickest_air_move(rest: bool, seconds: float) -> None:
     problem = problems.load("weld-bezier", case="air-move", rest_at_tags=rest)
-    solution = api.solve(problem, objective="air_time").require()
+    solution = solve(problem, objective="air_time").require()
     assert solution.audit is not None and solution.audit.proved
     assert solution.objectives["air_time"] == pytest.approx(seconds, rel=0.01)
     assert kept(solution.trajectory)
@@ -233,7 +234,7 @@ def test_a_seam_is_welded_within_every_limit(
     changes: dict[str, Any], objective: str, seconds: float, rms: float
 ) -> None:
     problem = problems.load("weld-bezier", **changes)
-    solution = api.solve(problem, objective=objective).require()
+    solution = solve(problem, objective=objective).require()
     motion = solution.trajectory
     assert motion is not None and kept(motion)
     off = root_mean_square(motion)

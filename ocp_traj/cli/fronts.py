@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from ocp_traj import api
+from ocp_traj.api.fronts import certify_front, pareto
 from ocp_traj.cli import console, sheets
 from ocp_traj.errors import OcpTrajError
 from ocp_traj.results.pareto_set import ENDED_AFTER
@@ -38,7 +38,7 @@ def trace(
     method, limit = asked["method"], budget if budget is not None else asked["budget"]
     try:
         with console.progress(method) as progress:
-            front = api.pareto(
+            front = pareto(
                 problem, asked["objectives"], method=method, seed=asked["seed"], budget=limit,
                 keep_unproved=asked["keep_unproved"], found=kept.found, progress=progress, workers=workers,
                 **asked["options"],
@@ -46,7 +46,7 @@ def trace(
         reference, ideal = asked.get("corners", (None, None))
         if asked.get("certify") and len(front) and not stop.interrupted:
             with console.progress("certifying") as progress:
-                front = api.certify_front(front, reference=reference, progress=progress)
+                front = certify_front(front, reference=reference, progress=progress)
         if len(front):
             volume = front.hypervolume(reference, ideal)
             folder = kept.finish(front, volume)

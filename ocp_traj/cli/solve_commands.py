@@ -78,7 +78,7 @@ def solve(
 
     Example: ocp-traj solve hybrid-spline --objective time -o fast.json
     """
-    from ocp_traj import api
+    from ocp_traj.api import solving
     from ocp_traj.cli import sheets
 
     if plot is not None or history is not None:
@@ -105,7 +105,7 @@ def solve(
         options["refine"] = True
     with stopping() as stop:
         with console.progress("solving") as progress:
-            solution = api.solve(
+            solution = solving.solve(
                 chosen, objective=objective, weights=weights, method=method, starts=starts, seed=seed, start=start,
                 all_optima=all_optima, certify=certify, progress=progress, workers=workers, cluster=cluster, **options,
             )  # fmt: skip
@@ -141,7 +141,7 @@ def payload(
 
     Example: ocp-traj payload hybrid-spline --max-time 6.19
     """
-    from ocp_traj import api
+    from ocp_traj.api import payloads
     from ocp_traj.cli import sheets
     from ocp_traj.results.trajectory import Trajectory
 
@@ -155,7 +155,7 @@ def payload(
     trajectory = None if along is None else Trajectory.load(along)
     with stopping() as stop:
         with console.progress("payload") as progress:
-            found = api.payload(
+            found = payloads.payload(
                 chosen, trajectory=trajectory, max_time=max_time, starts=starts, seed=seed, progress=progress
             )
         try:

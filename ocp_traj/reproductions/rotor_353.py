@@ -9,7 +9,8 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
-from ocp_traj import api, problems
+from ocp_traj import problems
+from ocp_traj.api.solving import solve
 from ocp_traj.arrays import Array
 from ocp_traj.curves.families import polynomial_353
 from ocp_traj.curves.motion import Motion
@@ -187,7 +188,7 @@ def published(sheet: Sheet, runs: list[Run], sign: bool) -> None:
         sheet.add("Sect. 4", "shortened by", f"{paper.SHORTENED:g}", float(shorter), "%", note=note)
     v, a = demands(sign)
     limits = {"velocity": tuple(v), "acceleration": tuple(a)}
-    tight = api.solve(problems.load("rotor-353", as_printed=sign, **limits, **FREE), starts=STARTS).require()
+    tight = solve(problems.load("rotor-353", as_printed=sign, **limits, **FREE), starts=STARTS).require()
     note = (
         "limits of each joint equal to what the published motion needs; wider ones leave less time still, so that no "
         "limits make the published times optimal for all joints together"
@@ -211,7 +212,7 @@ def _named(t: Array) -> dict[str, float]:
 def optimum(sheet: Sheet, runs: list[Run], sign: bool, timing: str) -> Solution:
     """Our times with the paper's limits, (14) and (15), and our a_max, all joints together or by the paper's recipe."""
     problem = problems.load("rotor-353", as_printed=sign, timing=timing, **FREE)
-    found = api.solve(problem, starts=STARTS)
+    found = solve(problem, starts=STARTS)
     assert found.audit is not None and found.trajectory is not None
     words, together = SIGNS[sign], timing == "synchronised"
     note = f"{'exchange, IPOPT' if together else 'longest of each phase'}, {found.audit.verdict}; a_max is our choice"

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ocp_traj import problems
-from ocp_traj.api import solve
+from ocp_traj.api.solving import solve
 from ocp_traj.arrays import Array
 from ocp_traj.problems.m10id import JOINTS
 from ocp_traj.solvers.pso import PSO

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ocp_traj.api import solve
+from ocp_traj.api.solving import solve
 from ocp_traj.arrays import Array
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import WeightedSum

@@ -14,7 +14,8 @@ from pymoo.algorithms.moo.nsga2 import NSGA2 as PymooNSGA2
 from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.pm import PM
 
-from ocp_traj import api, problems
+from ocp_traj import problems
+from ocp_traj.api.solving import solve
 from ocp_traj.arrays import Array
 from ocp_traj.errors import NoSolutionFound
 from ocp_traj.evolution.elitism import ControlledElitism
@@ -59,11 +60,11 @@ def run(seeds: int, progress: Progress, keep: Keep = ignore) -> Reproduction:
     item, beyond = f"cells beyond the limits, of {cells['of'].sum()}", float(cells["outside"].sum())
     sheet.expect("Tables 5-11", item, 0.0, beyond, tolerance=0.0, note=note)
     draft.begin("the seam")
-    solved = {"seam": (seam, api.solve(seam).require())}
+    solved = {"seam": (seam, solve(seam).require())}
     for words, rest in (("air move", False), ("air move, rest at the via point", True)):
         draft.begin(words)
         problem = problems.load("weld-bezier", case="air-move", rest_at_tags=rest)
-        solved[words] = (problem, api.solve(problem, objective="air_time").require())
+        solved[words] = (problem, solve(problem, objective="air_time").require())
     for words, (problem, found) in solved.items():
         assert found.audit is not None
         named = named_objectives(problem, found.objectives)

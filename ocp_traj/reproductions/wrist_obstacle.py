@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ocp_traj import api, problems
+from ocp_traj import problems
+from ocp_traj.api.solving import solve
 from ocp_traj.arrays import Array
 from ocp_traj.errors import NoSolutionFound
 from ocp_traj.evolution.outcome import solution_of
@@ -88,7 +89,7 @@ def plane(sheet: Sheet) -> pd.DataFrame:
     rows = []
     for radius in RADII:
         case = {**PLANE, "obstacles": ((*centre.tolist(), radius),), "link_radius": THIN}
-        found = api.solve(problems.load("wrist-obstacle", branch="0", **case), starts=1)
+        found = solve(problems.load("wrist-obstacle", branch="0", **case), starts=1)
         tip = float(np.linalg.norm(goal)) - float(np.linalg.norm(centre))  # the tip stays at d3 from the base
         rows.append((radius, found.status.value, "; ".join(map(str, found.conflicts)), tip - radius))
     return pd.DataFrame(rows, columns=["radius", "link", "why", "least distance of the tip alone"])
@@ -99,7 +100,7 @@ def bounds(sheet: Sheet) -> pd.DataFrame:
     rows = []
     for least in BOUNDS:
         problem = problems.load("wrist-obstacle", branch="0", min_time=least, **WIDE)
-        found = api.solve(problem, starts=STARTS).require()
+        found = solve(problem, starts=STARTS).require()
         assert found.trajectory is not None and found.audit is not None
         v, a = peaks(found)
         values = found.objectives
@@ -139,7 +140,7 @@ def known(sheet: Sheet, runs: list[Run]) -> Solution:
     solved: dict[str, Solution] = {}
     for case, value in KNOWN.items():
         problem = problems.load("wrist-obstacle", case=case)
-        found = solved[case] = api.solve(problem, starts=STARTS).require()
+        found = solved[case] = solve(problem, starts=STARTS).require()
         assert found.audit is not None
         note = (
             f"not the paper's: start and goal lifted off the plane, limits and sizes our choice; {found.audit.verdict}"
