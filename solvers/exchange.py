@@ -53,6 +53,7 @@ WARM_ITERATIONS = 40  # a warm start that needs more is none: from a cold one so
 STUCK = 0.9  # times the excess of the round before: where hardly less is left, the next may begin elsewhere; our choice
 GAINS = 2.0  # a round that reduces the excess by less than this gains too little; our choice
 ABOUT = 1e-2  # of a limit's scale: a start's peak this close to its bound is where a neighbour's instant moves: ours
+FAR = 0.1  # of a limit's scale: a start that breaks one by more is left for the neighbour that is known; our choice
 NEAR = 0.15  # of a segment: a new peak this close to a moving instant replaces it
 
 
@@ -112,7 +113,8 @@ class Exchange:
             problem: what to solve.
             scalarisation: its objectives as one.
             x0: starting point.
-            warm: an earlier solution of this problem, whose multipliers are reused.
+            warm: an earlier solution of this problem, whose multipliers are reused; where it begins, if ``x0`` is far
+                from keeping the limits.
             opened: ``opening`` and its solution from ``x0``, where they are known.
 
         Returns:
@@ -150,13 +152,17 @@ class Exchange:
         """The rounds; ``proved`` collects those that are, but for total variations that are not yet exact."""
         instants = self._first(problem, warm, x0)
         x, extra, iterations = np.asarray(x0, dtype=float), np.zeros(0), 0
-        back_off, before, excess = self.back_off, np.inf, np.inf
+        back_off, before = self.back_off, np.inf
         last: Solution | None = None  # feasible at its instants
-        if warm is not None and any(instant.moves for instant in instants):  # a neighbour's, to where its peaks now are
-            peaks, _ = worst_instants(problem, x, self.back_off, ABOUT)
-            instants, renamed = _merge(instants, peaks, x, problem, keep=False, add=False)
-            warm = _inheriting(warm, renamed)
-        most, way_back = self.exchanges(problem), WayBack(problem, x)
+        if warm is not None:
+            peaks, excess = worst_instants(problem, x, self.back_off, ABOUT)
+            if excess > FAR:  # most of a solve would be the way back
+                x = np.array(warm.x[: problem.size])
+                peaks, _ = worst_instants(problem, x, self.back_off, ABOUT)
+            if any(instant.moves for instant in instants):  # a neighbour's, to where its peaks now are
+                instants, renamed = _merge(instants, peaks, x, problem, keep=False, add=False)
+                warm = _inheriting(warm, renamed)
+        excess, most, way_back = np.inf, self.exchanges(problem), WayBack(problem, x)
         for number in range(1, most + 1):
             known = opened if number == 1 else None
             nlp = transcribe(problem, scalarisation, instants, back_off) if known is None else known[0]
