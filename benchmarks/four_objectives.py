@@ -30,7 +30,7 @@ SIZES = (500, 200)  # of the peers' populations: as many points as ours ends wit
 
 
 def cells(tools: list[str], seeds: list[int]) -> list[Cell]:
-    """Ours for 60 s, each peer for ten times that; and equal time, two populations, with the first seed."""
+    """Ours for 60 s, each peer for ten times that; with the first seed its smaller population, and equal time, too."""
     found = []
     for seed in seeds:
         for tool in tools:

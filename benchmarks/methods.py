@@ -1,7 +1,7 @@
 """Every method on every problem: fronts of so many seconds, and solves, each cell in a process of its own.
 
     python -m benchmarks.methods RESULTS [--seconds 20,60] [--cells PROBLEM/METHOD,..] [--solves] [--seed 0] [--table]
-                                 [--cpu]
+                                 [--cpu] [--page]
 
 A cell that has ended is a line of JSON in the file RESULTS at once; a run that is stopped goes on where it was, and
 ``--table`` prints what there is. PROBLEM or METHOD may be ``*``. Hypervolumes are shares of the one box that is stated
@@ -24,10 +24,16 @@ from pathlib import Path
 from typing import Any
 
 import ocp_traj as ot
+from benchmarks.sections import put
 from ocp_traj.errors import OcpTrajError
 from ocp_traj.formulation.problem import Problem
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "tasks" / "ur5-via.toml"
+PAGE = """## Every method on every problem
+
+`make bench-methods`, `python -m benchmarks.methods LINES --cpu --page`: hypervolumes are shares of the boxes below, of
+points that are proved; *dropped* are those that are not proved, or are dominated. A method that gives no front says
+why. Seconds are of the processor; a front is proved after them."""
 UNBOUNDED = 100_000  # points and generations: the time ends it
 LEEWAY = 600.0  # [s] beyond its time, after which a cell is ended: our choice
 SEAM = "weld-bezier seam"
@@ -236,6 +242,7 @@ def main() -> None:
     parser.add_argument("--solves", action="store_true", help="solves in place of fronts")
     parser.add_argument("--cpu", action="store_true", help="seconds of the cell's process")
     parser.add_argument("--table", action="store_true", help="run nothing")
+    parser.add_argument("--page", action="store_true", help="put the table on the page of results")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.one:
@@ -254,7 +261,10 @@ def main() -> None:
                     file.flush()
                     os.fsync(file.fileno())
                 print(cell.problem, cell.method, f"{cell.seconds:g} s:", _words(found, cell.problem), flush=True)
-    print(table(finished(given.results)))
+    found = table(finished(given.results))
+    print(found)
+    if given.page:
+        put("methods", f"{PAGE}\n\n{found}")
 
 
 if __name__ == "__main__":
