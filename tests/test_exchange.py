@@ -214,6 +214,16 @@ def test_a_start_from_the_solutions_own_instants_takes_fewer_iterations(hybrid: 
     assert warm.iterations < fastest.iterations
 
 
+def test_a_warm_start_far_from_the_limits_begins_where_its_neighbour_is(hybrid: Problem, fastest: Solution) -> None:
+    exchange = Exchange(first=fastest.instants)
+    scalar = EpsilonConstraint("energy", {"time": 4.0})
+    assert hybrid.dilate is not None
+    slow, broken_by_far = (hybrid.dilate(fastest.x, factor) for factor in (1.4, 0.5))
+    known = exchange.solve(hybrid, scalar, slow)
+    one, other = (exchange.solve(hybrid, scalar, x, known) for x in (broken_by_far, known.x))
+    assert_array_equal(one.x, other.x)
+
+
 # --- hybrid-spline: least cost ---
 
 
