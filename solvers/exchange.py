@@ -34,7 +34,7 @@ from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.protocols import NLPSolver
 from ocp_traj.solvers.way_back import WayBack
 from ocp_traj.transcription.finite import not_finite
-from ocp_traj.transcription.instants import Instant, along, few_instants, frozen, where
+from ocp_traj.transcription.instants import Instant, along, few_instants, few_with, frozen, where
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
 from ocp_traj.transcription.symbolic import evaluate_objectives, motion_of, variations
 from ocp_traj.transcription.transcription import BACK_OFF, row_of, transcribe
@@ -57,6 +57,10 @@ FAR = 0.1  # of a limit's scale: a start that breaks one by more is left for the
 NEAR = 0.15  # of a segment: a new peak this close to a moving instant replaces it
 
 
+class NotWorth(Exception):
+    """A solve cannot end as well as it would have to."""
+
+
 @dataclass(frozen=True)
 class Exchange:
     """Solves a problem until its trajectory is proved.
@@ -67,6 +71,8 @@ class Exchange:
         back_off: tightening of the limits in the NLP, so that a solution at a limit can be proved to be within it.
         repair: whether to slow an unproved last solution down until it is proved, where the problem allows that.
         first: the first grid; None for ``few_instants``.
+        worth: the largest value that is of use. A round that ends above it raises ``NotWorth``, for limits at more
+            instants only raise an optimum.
         prove: whether a solution is audited; without, its ``audit`` is None where a scan finds no limit broken, for one
             who proves many together (``audit_points``).
         progress: told of each round.
@@ -77,6 +83,7 @@ class Exchange:
     back_off: float = case.number(BACK_OFF)
     repair: bool = True
     first: Sequence[Instant] | None = None
+    worth: float = np.inf
     prove: bool = True
     progress: Progress = silent
 
@@ -164,7 +171,7 @@ class Exchange:
                 warm = _inheriting(warm, renamed)
         excess, most, way_back = np.inf, self.exchanges(problem), WayBack(problem, x)
         for number in range(1, most + 1):
-            known = opened if number == 1 else None
+            known, whole = opened if number == 1 else None, number == 1 and (self.first is None or opened is not None)
             nlp = transcribe(problem, scalarisation, instants, back_off) if known is None else known[0]
             start = nlp.start(x)
             follows = any(instant.moves for instant in instants)
@@ -176,7 +183,8 @@ class Exchange:
             iterations += result.iterations
             if result.status is not Status.SOLVED and (follows or warm is not None):
                 # Multipliers, or an instant that races along a flat peak, can mislead: once more without either.
-                instants = [frozen(instant, x) for instant in instants]
+                # With all rows of the first grid, for few of them hold nothing that is far away.
+                instants, whole = few_with(problem, instants, x), True
                 nlp = transcribe(problem, scalarisation, instants, back_off)
                 result = self.solver.solve(nlp, start)
                 iterations += result.iterations
@@ -188,6 +196,8 @@ class Exchange:
             if not solution.ok:
                 solution = replace(solution, seconds=time.perf_counter() - begun)
                 break
+            if solution.status is Status.SOLVED and solution.f > self.worth:
+                raise NotWorth
             x, extra = solution.x[: problem.size], solution.x[problem.size :]
             last = solution
             before, (peaks, excess) = excess, worst_instants(problem, x, self.back_off)
@@ -208,7 +218,7 @@ class Exchange:
             if before / STALLED < excess < NEGLIGIBLE:
                 back_off += 2.0 * excess  # flat peaks wander for ever: stay clear of the limit by what they wander
             instants, back = updated or instants, way_back.after(x, stalled=excess > STUCK * before)
-            if number == 1 and back is None and self.first is None and problem.tuning.instants is None:
+            if whole and back is None and problem.tuning.instants is None:
                 instants = _near(instants, problem, solution)
             keep = back is not None or excess > before / GAINS
             instants, renamed = _merge(instants, peaks, x, problem, keep=keep)

@@ -16,7 +16,10 @@ from ocp_traj.solvers.by_levels import ByLevels
 from ocp_traj.solvers.front_points import FrontPoints
 from ocp_traj.solvers.front_rays import start_within
 from ocp_traj.solvers.multistart import Multistart
+from ocp_traj.solvers.starts import LONGEST
 from ocp_traj.solvers.waves import Request
+from ocp_traj.transcription.instants import few_with
+from ocp_traj.transcription.nlp import Status
 
 # Of the front's extent: what an end may lose in its own objective, room that an interior point needs, and what it must
 # gain in the other for that; our choice.
@@ -76,7 +79,7 @@ class FrontEnds:
         self.tried = True
 
     def sharpen(self) -> None:
-        """Makes each of two ends the best in the other objective as well, from random starts.
+        """Makes each of two ends the best in the other objective as well, from itself and from random starts.
 
         Where one objective cannot be pushed further many trajectories have its best value, and in a problem with many
         local optima the augmentation alone does not find the best of those.
@@ -88,7 +91,14 @@ class FrontEnds:
                 return
             other, value = front.names[1 - k], front.values[k, k]
             scalar = EpsilonConstraint(other, {name: float(front.signs[k] * (value + LOSS * span[k]))})
-            solution = self._from_guesses(scalar, len(front.names) + k, f"the best {other} of those")
+            front.tell(f"the best {other} of those")
+            nearest = front.work.again(Request(scalar, front.solutions[k].x, front.solutions[k]), LONGEST)
+            if nearest.status is not Status.SOLVED:  # next to nothing is left inside: random starts would fail as well
+                continue
+            many = self._many(len(front.names) + k)
+            first = few_with(front.problem, nearest.instants, nearest.x)
+            many = replace(many, solver=replace(many.solver, first=first))
+            solution = many.solve(front.problem, scalar, beside=nearest, gain=WORTHWHILE * span[1 - k])
             front.work.count(scalar, solution)
             if solution.ok and front.value(solution)[1 - k] < front.values[k, 1 - k] - WORTHWHILE * span[1 - k]:
                 front.replace(front.solutions[k], solution)

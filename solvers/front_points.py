@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from ocp_traj.transcription.symbolic import evaluate_objectives
 
 SAME = 1e-9  # of the front's extent: points closer than this in every objective are one; our choice
 FLAT = 1e-7  # relative: ends closer than this are one point; our choice, far above what back-off and solver leave open
+LITTLE = 1e-5  # of the front's extent: what an ideal point may be better by and count as dominated; our choice
 EXACT = 4  # objectives up to which the hypervolume of a thousand points takes some milliseconds: it is told of
 
 
@@ -73,6 +74,14 @@ class FrontPoints:
     def flat(self) -> Flags:
         """In which objectives all points are one ``(m,)``."""
         return np.asarray(np.ptp(self.values, axis=0) <= FLAT * np.abs(self.values).max(axis=0))
+
+    def adds_nothing_to(self, known: Sequence[Mapping[str, float]]) -> bool:
+        """Whether the ideal point is dominated by one of some points that are known, each its objectives by id."""
+        others = self.signs * np.array([[point[name] for name in self.names] for point in known]).reshape(
+            -1, len(self.names)
+        )
+        best = self.values.min(axis=0) + LITTLE * np.ptp(self.values, axis=0)
+        return bool((others <= best).all(axis=1).any())
 
     def value(self, solution: Solution) -> Array:
         """The values ``(m,)`` of a solution's objectives."""

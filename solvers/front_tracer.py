@@ -8,7 +8,7 @@ for more, where goal attainment aims at what is open of the box, and time scalin
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -51,6 +51,8 @@ class FrontTracer:
         workers: who solves; the front does not depend on it.
         progress: told after each point.
         found: given a record of each solve.
+        beside: objectives by id of points that are known of another front. Where one of them dominates the ideal point,
+            nothing is traced between the ends.
     """
 
     points: int = count(40, least=2)
@@ -61,6 +63,7 @@ class FrontTracer:
     workers: Workers = field(default_factory=Workers)
     progress: Progress = silent
     found: Found = ignore
+    beside: Sequence[Mapping[str, float]] = ()
 
     def __post_init__(self) -> None:
         """Checks the number of points."""
@@ -82,7 +85,9 @@ class FrontTracer:
             complete = False
             try:
                 ends.find()
-                if len(objectives) == 2:
+                if front.adds_nothing_to(self.beside):
+                    info["nothing traced"] = "a point of another alternative dominates the ends"
+                elif len(objectives) == 2:
                     if problem.tuning.starts > 1:
                         ends.sharpen()
                     FrontCurve(front).fill()

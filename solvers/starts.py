@@ -1,15 +1,17 @@
-"""One random start of a local solver as a job, and what becomes of it beside the starts before it.
+"""One random start of a local solver as a job, and what becomes of it beside the others.
 
 A start's first NLP has only some of the limits. Where it leads to the point of an earlier one, what follows is that
-one's; where it already ends no better than the best that is proved, it is given up, for limits at more instants only
-raise that optimum. Both depend on the starts before alone. A job that is begun before those have ended knows less and
-does more; whoever takes its answer decides with all that it has to know, so that the order of events changes nothing.
+one's. Where only the best start counts, some first NLPs are solved before any is followed, and the best of them is
+followed first: another that already ends no better than the best that is proved is given up, for limits at more
+instants only raise that optimum. What depends on other starts is decided by whoever takes the answers, in an order of
+their own, so that the order of events changes nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -23,19 +25,21 @@ from ocp_traj.results.incumbent import no_worse_than
 from ocp_traj.results.records import KEY, Found, of_opening, of_start
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.solution_records import exact, solution_of
-from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.exchange import Exchange, NotWorth
 from ocp_traj.transcription.nlp import NLP, NLPResult, Status
 
 LITTLE = 1e-9  # of the best value: what may be gained by less is not waited for; our choice
 ONE_POINT = 1e-6  # of the variables' size: our choice, far above the solver's tolerance
 OPENINGS = 2  # first NLPs that a problem keeps: of the two solvers of a start
+LONGEST = 150  # iterations of a first NLP, after which another start is more likely to lead somewhere; our choice
+WAVE = 4  # starts whose first NLPs are solved before the best is followed: our choice
 
 
 def opened(
     problem: Problem, solver: Exchange, scalarisation: Scalarisation, x0: Array, known: Sequence[Array] = (),
-    best: float | None = None,
+    follow: bool = True, worth: float = np.inf, told: Mapping[str, Any] | None = None,
 ) -> Answer:  # fmt: skip
-    """The job of one start from ``x0 (n,)``; without a solution where it is shared or given up.
+    """The job of one start from ``x0 (n,)``; without a solution where it is shared, given up or not yet followed.
 
     Args:
         problem: what to solve.
@@ -43,14 +47,29 @@ def opened(
         scalarisation: its objectives as one.
         x0: starting point.
         known: where the first NLPs of earlier starts have led ``(n',)`` each.
-        best: the least value that is proved, to give up by; None for not at all.
+        follow: whether to go on after the first NLP, however long that takes; without, this process keeps its solution
+            for when it is.
+        worth: the largest value that is of use.
+        told: what was told of the first NLP before, when it was not followed.
     """
-    nlp = _opening(problem, solver, scalarisation, x0)
-    first = solver.solver.solve(nlp, nlp.start(x0))
-    told = exact({"x": first.x, "f": first.f, "status": first.status.name})
-    if _like(first, known) is not None or _hopeless(first, best):
+    ends, key = _ends(problem), (repr(solver), repr(scalarisation), x0.tobytes())
+    if (end := ends.pop(key, None)) is None:
+        nlp = _opening(problem, solver, scalarisation, x0)
+        chosen = solver.solver if follow else solver.solver.limited(LONGEST)
+        end = nlp, chosen.solve(nlp, nlp.start(x0))
+    first = end[1]
+    told = told or exact({"x": first.x, "f": first.f, "status": first.status.name})
+    if not follow and first.ok:
+        while len(ends) >= 2 * WAVE:
+            del ends[next(iter(ends))]
+        ends[key] = end
+    if not follow or _like(first, known) is not None:
         return of_opening(told)
-    return of_start(scalarisation, solver.solve(problem, scalarisation, x0, opened=(nlp, first)), told)
+    try:
+        found = replace(solver, worth=worth).solve(problem, scalarisation, x0, opened=end)
+    except NotWorth:
+        return of_opening(told)
+    return of_start(scalarisation, found, told)
 
 
 def warmed(problem: Problem, solver: Exchange, scalarisation: Scalarisation, x0: Array) -> Answer:
@@ -99,9 +118,16 @@ def _openings(problem: Problem) -> dict[tuple[str, str], NLP]:
     return kept
 
 
+def _ends(problem: Problem) -> dict[tuple[str, str, bytes], tuple[NLP, NLPResult]]:
+    """First NLPs that were solved and are not yet followed, the last few of them."""
+    kept: dict[tuple[str, str, bytes], tuple[NLP, NLPResult]] = problem.cached("ends of openings", dict)
+    return kept
+
+
 def forget_openings(problem: Problem) -> None:
     """Lets go of the first NLPs."""
     _openings(problem).clear()
+    _ends(problem).clear()
 
 
 @dataclass(frozen=True)
@@ -111,6 +137,12 @@ class _First:
     x: Array
     f: float
     status: Status
+
+    @classmethod
+    def of(cls, answer: Answer) -> _First:
+        """What an answer tells of it."""
+        told = answer["first"]
+        return cls(np.array([float(value) for value in told["x"]]), float(told["f"]), Status[told["status"]])
 
     @property
     def ok(self) -> bool:
@@ -127,19 +159,30 @@ def _like(first: NLPResult | _First, known: Sequence[Array]) -> int | None:
     return None
 
 
-def _hopeless(first: NLPResult | _First, best: float | None) -> bool:
-    return best is not None and first.status is Status.SOLVED and first.f > best - LITTLE * abs(best)
+class StartLine(Protocol):
+    """The starts of one solver."""
+
+    @property
+    def wave(self) -> int:
+        """How many starts are begun before any of them is followed."""
+
+    def begin(self, x0: Array) -> Pending:
+        """Submits a start."""
+
+    def ends(self, starts: Sequence[tuple[Array, Pending]]) -> Iterator[list[Solution]]:
+        """What each of some starts comes to; nothing of one that is given up."""
 
 
 @dataclass(eq=False)
 class Line:
-    """The starts of one solver, in their order.
+    """The starts of one solver whose first NLPs are compared.
 
     Attributes:
         problem, scalarisation, solver: what is solved, and how.
         workers: who solves.
-        gives_up: whether starts are given up that cannot end better than the best.
+        gives_up: whether only the best counts, so that starts are given up that cannot end better.
         found: given a record of each start.
+        best: the least value that is proved; infinite where there is none.
         pairs: what first NLPs have ended with, each with what it led to; one that is given up leads to nothing.
     """
 
@@ -149,35 +192,56 @@ class Line:
     workers: Workers
     gives_up: bool
     found: Found
+    best: float = np.inf
     pairs: list[tuple[_First, Solution]] = field(default_factory=list)
+
+    @property
+    def wave(self) -> int:
+        """Several, where they are compared."""
+        return WAVE if self.gives_up else 1
 
     def begin(self, x0: Array) -> Pending:
         """Submits a start, with what is known by now."""
-        return self._submit(x0, {"known": [first.x for first, _ in self.pairs], "best": self._best})
+        known = [first.x for first, _ in self.pairs]
+        return self._submit(x0, {"follow": False} if self.gives_up else {"known": known})
 
-    def end(self, x0: Array, pending: Pending) -> list[Solution]:
-        """The solution of a start, its own or a shared one; none where it is given up."""
-        answer = pending.result()
-        told = answer["first"]
-        first = _First(np.array([float(value) for value in told["x"]]), float(told["f"]), Status[told["status"]])
+    def ends(self, starts: Sequence[tuple[Array, Pending]]) -> Iterator[list[Solution]]:
+        """The solutions of starts, each its own or a shared one; none where it is given up.
+
+        Where only the best counts, that which begins best is followed first.
+        """
+        if not self.gives_up:
+            for x0, pending in starts:
+                yield self._end(x0, pending.result())
+            return
+        answers = [(x0, pending.result()) for x0, pending in starts]
+        firsts = [_First.of(answer) for _, answer in answers]
+        for i in sorted(range(len(answers)), key=lambda i: (not firsts[i].ok, firsts[i].f, i)):
+            yield self._end(*answers[i])
+
+    def _end(self, x0: Array, answer: Answer) -> list[Solution]:
+        first = _First.of(answer)
         same = _like(first, [one.x for one, _ in self.pairs])
         if same is not None:
             solution = self.pairs[same][1]
             return [no_worse_than(self.problem, self.scalarisation, solution, x0) if solution.ok else solution]
-        if _hopeless(first, self._best):
+        if self.gives_up and self.best < np.inf and (not first.ok or first.f > self._worth):
             return []
-        if "solution" not in answer:  # found where more starts were given up than here
-            answer = self._submit(x0, {}).result()
+        if "solution" not in answer:
+            answer = self._submit(x0, {"worth": self._worth, "told": answer["first"]}).result()
+        if "solution" not in answer:
+            return []
         self.found(answer)
         solution = replace(solution_of(answer["solution"], self.problem), key=answer[KEY])
+        if solution.audit is not None and solution.audit.proved:
+            self.best = min(self.best, solution.f)
         if first.ok:
             self.pairs.append((first, solution))
         return [solution]
 
     @property
-    def _best(self) -> float | None:
-        proved = [solution.f for _, solution in self.pairs if solution.audit is not None and solution.audit.proved]
-        return min(proved) if self.gives_up and proved else None
+    def _worth(self) -> float:
+        return self.best - LITTLE * abs(self.best) if self.gives_up and self.best < np.inf else np.inf
 
     def _submit(self, x0: Array, hints: dict[str, object]) -> Pending:
         arguments = {"solver": self.solver, "scalarisation": self.scalarisation, "x0": x0}
@@ -194,14 +258,16 @@ class WholeLine:
     solver: Exchange
     workers: Workers
     found: Found
+    wave: int = 1
 
     def begin(self, x0: Array) -> Pending:
         """Submits a start."""
         arguments = {"solver": self.solver, "scalarisation": self.scalarisation, "x0": x0}
         return self.workers.submit(Job(f"ocp_traj.solvers.starts:{self.function}", self.problem, arguments))
 
-    def end(self, x0: Array, pending: Pending) -> list[Solution]:
-        """Its solution."""
-        answer = pending.result()
-        self.found(answer)
-        return [replace(solution_of(answer["solution"], self.problem), key=answer[KEY])]
+    def ends(self, starts: Sequence[tuple[Array, Pending]]) -> Iterator[list[Solution]]:
+        """The solution of each."""
+        for _, pending in starts:
+            answer = pending.result()
+            self.found(answer)
+            yield [replace(solution_of(answer["solution"], self.problem), key=answer[KEY])]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from weakref import WeakKeyDictionary
 
@@ -12,21 +13,24 @@ from ocp_traj.formulation.scalarise import Scalarisation
 from ocp_traj.parallel.job import Answer, Job
 from ocp_traj.parallel.workers import Pending, Workers
 from ocp_traj.progress import silent
-from ocp_traj.results.records import KEY, Found, Record, ignore, of_solve
+from ocp_traj.results.records import KEY, Found, Record, ignore, of_opening, of_solve
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.solution_records import of_solution, solution_of
 from ocp_traj.results.trajectory import audit_points
-from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.exchange import Exchange, NotWorth
 from ocp_traj.solvers.multistart import best_of
+from ocp_traj.solvers.starts import LONGEST
+from ocp_traj.transcription.instants import few_with
 from ocp_traj.transcription.nlp import Status
 
-SOLVE = "ocp_traj.solvers.waves:solved"
+SOLVE, SECOND = "ocp_traj.solvers.waves:solved", "ocp_traj.solvers.waves:second"
 # Solves that are chosen before any of them is done, whoever solves: as many workers have work, and the next four know
 # of these. Our choice.
 WAVE = 4
 # Solutions that wait to be proved, and their iterations times rows, some 2 s of work, after which they are: our choice.
 # With the clock the front would depend on the machine.
 TOGETHER, PATIENCE = 8, 2e5
+GAIN = 1e-6  # of the value that is known: by less a second solve is not followed; our choice
 
 
 def solved(
@@ -40,6 +44,23 @@ def solved(
     return of_solve(scalarisation, solver.solve(problem, scalarisation, x0, known))
 
 
+def second(problem: Problem, solver: Exchange, scalarisation: Scalarisation, x0: Array, beside: Record) -> Answer:
+    """The job of a solve from ``x0 (n,)`` beside one that is proved: followed where its first NLP ends better.
+
+    That has the limits at the instants of the other one too, so that it seldom ends below the same optimum.
+    """
+    known = solution_of(beside["solution"], problem, trajectory=False)
+    solver = replace(solver, first=few_with(problem, known.instants, known.x))
+    nlp = solver.opening(problem, scalarisation, x0)
+    result = solver.solver.limited(LONGEST).solve(nlp, nlp.start(x0))
+    worth = known.f - GAIN * abs(known.f)
+    if result.status is Status.SOLVED and result.f < worth:
+        with suppress(NotWorth):
+            solver = replace(solver, worth=worth)
+            return of_solve(scalarisation, solver.solve(problem, scalarisation, x0, opened=(nlp, result)))
+    return of_opening({"f": float(result.f), "status": result.status.name, "iterations": result.iterations})
+
+
 @dataclass(frozen=True, eq=False)
 class Request:
     """A solve that is asked for.
@@ -50,7 +71,7 @@ class Request:
         warm: a neighbour's solution, whose instants and multipliers it begins with.
         prove: whether it is proved by whoever solves it, and not together with others.
         fallbacks: where to begin once more, with all instants, until one ends well: starting points ``(n,)``.
-        others: where to begin once more in any case; the best counts.
+        others: where to begin once more, followed where that may be better, or the first has found nothing.
     """
 
     scalarisation: Scalarisation
@@ -82,8 +103,7 @@ class Solves:
         """Submits a request, whose solution is taken later, or never."""
         solver = replace(self.solver, prove=request.prove)
         first = self._submit(request.scalarisation, request.x0, solver, request.warm)
-        others = [self._submit(request.scalarisation, x, self.solver) for x in request.others]
-        return Begun(request, first, others)
+        return Begun(request, first)
 
     def take(self, begun: Begun, replaced: Callable[[Solution, Solution], None] | None = None) -> Solution:
         """The solution of a request that was begun: the best of its solves.
@@ -97,10 +117,7 @@ class Solves:
         else:
             self.count(request.scalarisation, solution)
         own = solution.own.ok
-        for pending in begun.others:
-            again = self._solution(pending)
-            self.count(request.scalarisation, again)
-            solution = best_of([solution, again])
+        solution = best_of([solution, *self._seconds(request.scalarisation, request.others, solution)])
         for x in [] if own else request.fallbacks:
             again = self._solution(self._submit(request.scalarisation, x, self.solver))
             self.count(request.scalarisation, again)
@@ -108,6 +125,25 @@ class Solves:
             if solution.own.ok:
                 break
         return solution
+
+    def _seconds(self, scalarisation: Scalarisation, starts: Sequence[Array], known: Solution) -> list[Solution]:
+        """What other starts ``(n,)`` lead to, beside a solution; where that is proved, if it may be better."""
+        arguments = {"solver": self.solver, "scalarisation": scalarisation}
+        if known.audit is None or not known.audit.proved:
+            pending = [self._submit(scalarisation, x, self.solver) for x in starts]
+        else:
+            arguments["beside"] = self._record(known)
+            pending = [self.workers.submit(Job(SECOND, self.problem, {**arguments, "x0": x})) for x in starts]
+        found = []
+        for one in pending:
+            answer = one.result()
+            if "solution" in answer:
+                found.append(self._taken(answer))
+                self.count(scalarisation, found[-1])
+            else:
+                self.found(answer)
+                self.iterations += answer["first"]["iterations"]
+        return found
 
     def prove_many(self) -> None:
         """Proves what waits for it where that is much, so that little is lost with a run that is killed."""
@@ -136,9 +172,10 @@ class Solves:
         self.prove()
         return [final.get(id(solution), solution) for solution in solutions]
 
-    def again(self, request: Request) -> Solution:
-        """The solution of one request that is proved by whoever solves it."""
-        solution = self._solution(self._submit(request.scalarisation, request.x0, self.solver, request.warm))
+    def again(self, request: Request, longest: int | None = None) -> Solution:
+        """The solution of one request that is proved by whoever solves it, its NLPs in so many iterations each."""
+        solver = self.solver if longest is None else replace(self.solver, solver=self.solver.solver.limited(longest))
+        solution = self._solution(self._submit(request.scalarisation, request.x0, solver, request.warm))
         self.count(request.scalarisation, solution)
         return solution
 
@@ -177,14 +214,20 @@ class Solves:
     ) -> Pending:
         arguments = {"solver": solver, "scalarisation": scalarisation, "x0": x0}
         if warm is not None:
-            told = self._told.get(warm)
-            arguments["warm"] = {
-                "solution": of_solution(warm) if told is None else told, **({KEY: warm.key} if warm.key else {})
-            }  # fmt: skip
+            arguments["warm"] = self._record(warm)
         return self.workers.submit(Job(SOLVE, self.problem, arguments))
 
+    def _record(self, known: Solution) -> Record:
+        """A solution as a job takes it."""
+        told = self._told.get(known)
+        return {
+            "solution": of_solution(known) if told is None else told, **({KEY: known.key} if known.key else {})
+        }  # fmt: skip
+
     def _solution(self, pending: Pending) -> Solution:
-        answer = pending.result()
+        return self._taken(pending.result())
+
+    def _taken(self, answer: Answer) -> Solution:
         solution = replace(solution_of(answer["solution"], self.problem), key=answer[KEY])
         self._told[solution] = answer["solution"]
         return solution
@@ -192,8 +235,7 @@ class Solves:
 
 @dataclass(frozen=True, eq=False)
 class Begun:
-    """A request whose first solves were submitted."""
+    """A request whose first solve was submitted."""
 
     request: Request
     first: Pending
-    others: Sequence[Pending]

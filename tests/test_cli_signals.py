@@ -123,8 +123,8 @@ def test_solve_shows_and_writes_the_best_so_far(
     arguments = ["solve", "hybrid-spline", "--objective", "time", "--starts", "9", "--json"]
     assert run([*arguments, "-o", str(target)]) == 130
     out, err = capfd.readouterr()
-    assert err.splitlines()[-1] == "interrupted after 1 of 9 starts"
-    assert json.loads(out)["interrupted"] == "after 1 of 9 starts"
+    assert err.splitlines()[-1] == "interrupted after 4 of 9 starts"
+    assert json.loads(out)["interrupted"] == "after 4 of 9 starts"
     assert Trajectory.load(target).audit().proved
     assert list(tmp_path.iterdir()) == [target]
 

@@ -17,7 +17,7 @@ from ocp_traj.formulation.tuning import Tuning
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.time_scaling import slow_down
 from ocp_traj.results.trajectory import trajectory_of
-from ocp_traj.solvers.exchange import Exchange
+from ocp_traj.solvers.exchange import Exchange, NotWorth
 from ocp_traj.solvers.ipopt import Ipopt
 from ocp_traj.solvers.multistart import Multistart
 from ocp_traj.transcription.instants import uniform_instants
@@ -399,3 +399,12 @@ def test_flat_peaks_and_tiny_objectives_end_at_one_proved_optimum_from_every_sta
     found = [solve(problem, WeightedSum({"cost": 1.0}), seed=seed) for seed in range(4)]
     assert all(s.status is Status.SOLVED and s.audit is not None and s.audit.proved for s in found)
     assert max(s.f for s in found) == pytest.approx(min(s.f for s in found), rel=1e-7)
+
+
+def test_a_solve_that_cannot_end_as_well_as_it_has_to_is_given_up_on_the_way() -> None:
+    problem, start = quintic_problem(), np.array([3.0])
+    best = Exchange().solve(problem, WeightedSum({"time": 1.0}), start)
+    same = Exchange(worth=best.f * (1.0 + 1e-6)).solve(problem, WeightedSum({"time": 1.0}), start)
+    assert same.x.tolist() == best.x.tolist()
+    with pytest.raises(NotWorth):
+        Exchange(worth=best.f * (1.0 - 1e-6)).solve(problem, WeightedSum({"time": 1.0}), start)

@@ -1,6 +1,7 @@
 """Traced fronts: proved, non-dominated, on the closed form where there is one, and better than NSGA-II's."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import moocore
@@ -9,13 +10,14 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from ocp_traj import problems
+from ocp_traj.api.fronts import _merged_front, pareto
 from ocp_traj.errors import InputError, NoSolutionFound, UnknownName
 from ocp_traj.evolution.population import Population
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.scalarise import EpsilonConstraint, GoalAttainment, Scalarisation
 from ocp_traj.proof.audit import audit_all
 from ocp_traj.results.front import Front
-from ocp_traj.results.pareto_set import ParetoSet
+from ocp_traj.results.pareto_set import ENDED_AFTER, ParetoSet
 from ocp_traj.results.solution import Solution
 from ocp_traj.results.trajectory import trajectory_of
 from ocp_traj.solvers.exchange import Exchange
@@ -413,3 +415,32 @@ def test_a_stopped_front_keeps_its_solved_points() -> None:
     assert len(f) <= 10 and all(proved(problem, found)) and not dominated(f).any()
     whole = values(problem, FrontTracer(2).pareto(problem, PAIR), PAIR)
     assert f[:, 0].min() <= whole[:, 0].min() + 1e-9
+
+
+@pytest.mark.parametrize(("better", "traced"), [(0.0, False), (-1.0, False), (1.0, True)])
+def test_nothing_is_traced_between_ends_that_a_point_of_another_front_dominates(better: float, traced: bool) -> None:
+    """``better`` is how far that point is above the ideal point, in shares of it."""
+    problem, names = quintic_problem(), ["time", "effort"]
+    ideal = FrontTracer(points=2).pareto(problem, names).info["ideal"]
+    point = {name: (1.0 + 0.1 * better) * value for name, value in ideal.items()}
+    found = FrontTracer(points=5, beside=[point]).pareto(problem, names)
+    assert (len(found.xs) == 5) is traced
+    assert ("nothing traced" in found.info) is not traced
+
+
+def test_what_alternatives_leave_of_a_budget_goes_to_those_that_were_stopped() -> None:
+    front = pareto(quintic_problem(), ["time", "effort"], points=3)
+    stopped = replace(front, info={**front.info, ENDED_AFTER: "3 of 9 points"})
+    asked: list[tuple[str, float, int]] = []
+
+    def run(name: str, budget: float, beside: list[Any]) -> Front:
+        asked.append((name, budget, len(beside)))
+        if name == "slow":
+            return stopped if len(asked) == 1 else front
+        return front
+
+    runs = {name: partial(run, name) for name in ("slow", "quick")}
+    found = _merged_front(quintic_problem(), runs, 100.0, compared=True)
+    assert [(name, beside) for name, _, beside in asked] == [("slow", 0), ("quick", 3), ("slow", 3)]
+    assert asked[0][1] == pytest.approx(50.0, rel=0.1) and min(asked[1][1], asked[2][1]) > 90.0
+    assert ENDED_AFTER not in found.info

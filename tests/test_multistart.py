@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from itertools import count
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from numpy.testing import assert_array_equal
 
 from ocp_traj.api.solving import solve
 from ocp_traj.arrays import Array
+from ocp_traj.formulation.objective import Objective
 from ocp_traj.formulation.problem import Problem
 from ocp_traj.formulation.requirements import PathConstraint
 from ocp_traj.formulation.scalarise import EpsilonConstraint, Scalarisation, WeightedSum
@@ -131,6 +132,63 @@ def test_a_start_that_begins_worse_than_the_best_ends_is_given_up_and_counted() 
     assert found.x[0] == pytest.approx(Quintic().least_time, rel=1e-8)
     assert "4 starts (3 given up)" in repr(found)
     assert len(start.solve_all(quintic_problem(), TIME)) == 4
+
+
+class Watched(Exchange):
+    """Tells which starts are followed beyond their first NLP."""
+
+    followed: ClassVar[list[float]] = []
+
+    def solve(self, problem: Problem, scalarisation: Scalarisation, x0: Array, *more: Any, **named: Any) -> Solution:
+        self.followed.append(float(x0[0]))
+        return super().solve(problem, scalarisation, x0, *more, **named)
+
+
+def two_valleys() -> Problem:
+    """The quintic with an objective of two valleys, of which the one near 5 s is the deeper."""
+    problem = quintic_problem()
+    valleys = Objective(
+        "valleys", "-", of_variables=lambda x, p: (x[0] - 3.0) ** 2 * (x[0] - 5.0) ** 2 - 0.1 * x[0] + 1.0
+    )
+    return replace(problem, objectives=(*problem.objectives, valleys), guess=lambda rng: rng.uniform([2.0], [6.0]))
+
+
+def test_of_some_starts_the_one_that_begins_best_is_followed_first_and_others_are_given_up() -> None:
+    problem, scalar = two_valleys(), WeightedSum({"valleys": 1.0})
+    start = Multistart(Watched(), starts=3, seed=11)
+    points = [float(x[0]) for x in start.points(problem)]
+    assert points[0] < 4.0 < max(points)  # the first leads to the shallower valley
+    Watched.followed.clear()
+    found = start.solve(problem, scalar)
+    assert len(Watched.followed) == 1 and Watched.followed[0] > 4.0
+    assert found.f == min(solution.f for solution in start.solve_all(problem, scalar))
+    assert found.given_up == sum(x < 4.0 for x in points)
+
+
+def test_a_start_whose_first_nlp_has_no_solution_is_given_up_beside_one_that_is_proved() -> None:
+    class Fails(Ipopt):
+        """From what is left of 4 s."""
+
+        def limited(self, iterations: int) -> "Fails":
+            return self
+
+        def solve(self, nlp: NLP, x0: Array, warm: NLPResult | None = None) -> NLPResult:
+            result = super().solve(nlp, x0, warm)
+            return replace(result, status=Status.ITERATION_LIMIT) if x0[0] < 4.0 else result
+
+    found = Multistart(Exchange(Fails()), starts=3, seed=11).solve(two_valleys(), WeightedSum({"valleys": 1.0}))
+    assert found.audit is not None and found.audit.proved and found.x[0] > 4.0
+    assert found.given_up >= 1
+
+
+def test_a_solution_that_is_known_is_the_best_where_no_start_is_better_by_enough() -> None:
+    problem, scalar = two_valleys(), WeightedSum({"valleys": 1.0})
+    start = Multistart(starts=3, seed=11)
+    shallow = Exchange().solve(problem, scalar, np.array([3.0]))
+    deep = start.solve(problem, scalar, beside=shallow)
+    assert deep.f < shallow.f and deep.x[0] > 4.0
+    same = start.solve(problem, scalar, beside=shallow, gain=2.0 * (shallow.f - deep.f))
+    assert (same.f, same.given_up) == (shallow.f, 3)
 
 
 def test_progress_is_told_after_every_start() -> None:

@@ -17,10 +17,11 @@ from ocp_traj.io.store import Run, request
 from ocp_traj.parallel.choice import workers_for
 from ocp_traj.parallel.workers import Workers
 from ocp_traj.progress import Progress, silent
+from ocp_traj.proof.verdicts import PROVED
 from ocp_traj.results.alternatives import merged_front
 from ocp_traj.results.front import Front, Point
 from ocp_traj.results.pareto_set import ENDED_AFTER, proved_front
-from ocp_traj.results.records import Found, Record, ignore
+from ocp_traj.results.records import KEY, Found, Record, ignore
 from ocp_traj.solvers import methods
 from ocp_traj.solvers.by_levels import ByLevels, finest
 from ocp_traj.solvers.exchange import Exchange
@@ -29,6 +30,8 @@ from ocp_traj.solvers.multistart import Multistart
 from ocp_traj.solvers.protocols import FrontMethod
 from ocp_traj.stopping import current, stopping
 from ocp_traj.transcription.end_states import fixed_conflicts
+
+WORTHWHILE = 0.1  # of a budget: with less left no alternative goes on; our choice
 
 
 @one_blas_thread
@@ -153,11 +156,12 @@ def _pareto(
             {
                 name: partial(
                     pareto, alternative, objectives, method=method, seed=seed, keep_unproved=keep_unproved,
-                    found=partial(_of_alternative, found, name), progress=progress, workers=workers, **options,
+                    found=partial(_of_alternative, found, workers, name), progress=progress, workers=workers, **options,
                 )
                 for name, alternative in problem.alternatives.items()
             },
             budget,
+            compared=method == "trace",
         )  # fmt: skip
     options |= methods.workers_option(methods.FRONT, method, workers)
     chosen: FrontMethod = methods.configured(
@@ -180,26 +184,49 @@ def _pareto(
     return proved_front(problem, objectives, replace(xs, interrupted=interrupted), keep_unproved)
 
 
-def _of_alternative(found: Found, name: str, record: Record) -> None:
+def _of_alternative(found: Found, workers: Workers, name: str, record: Record) -> None:
+    """Tells of a record, and remembers what it answers, for an alternative that goes on later."""
+    if key := record.get(KEY):
+        workers.known.setdefault(key, record)
     found({**record, "alternative": name})
 
 
-def _merged_front(problem: Problem, runs: Mapping[str, Callable[..., Front]], budget: float | None) -> Front:
+def _merged_front(
+    problem: Problem, runs: Mapping[str, Callable[..., Front]], budget: float | None, compared: bool
+) -> Front:
     """The front of all alternatives; ``info`` says what each has given.
 
-    Each gets an even share of what the ones before it have left of the budget.
+    Each gets an even share of what the ones before it have left of the budget, and knows their points where its method
+    compares itself with them. What is left in the end goes to those that were stopped, the one with most points first.
     """
     fronts: dict[str, Front] = {}
     reasons: list[NoSolutionFound] = []
     begun, stop = time.perf_counter(), current()
-    for number, (name, run) in enumerate(runs.items()):
-        left = None if budget is None else max(budget - (time.perf_counter() - begun), 1e-3) / (len(runs) - number)
+
+    def left() -> float | None:
+        return None if budget is None else max(budget - (time.perf_counter() - begun), 1e-3)
+
+    def go(name: str, seconds: float | None) -> None:
+        points = [point for other, front in fronts.items() if other != name for point in front.points]
+        known = [point.objectives for point in points if point.verdict == PROVED]
         try:
-            fronts[name] = run(budget=left)
+            front = runs[name](budget=seconds, **({"beside": known} if compared else {}))
         except NoSolutionFound as error:
             reasons.append(error)
+        else:
+            if name not in fronts or len(front) >= len(fronts[name]):
+                fronts[name] = front
+
+    for number, name in enumerate(runs):
+        rest = left()
+        go(name, rest if rest is None else rest / (len(runs) - number))
         if stop.interrupted:
             break
+    stopped = [name for name, front in fronts.items() if ENDED_AFTER in front.info]
+    for name in sorted(stopped, key=lambda name: -len(fronts[name])) if compared else ():
+        rest = left()
+        if budget is not None and rest is not None and rest > WORTHWHILE * budget and not stop.interrupted:
+            go(name, rest)
     if not fronts:
         stop.check()
         raise reasons[0]

@@ -72,6 +72,12 @@ def few_instants(problem: Problem) -> tuple[Instant, ...]:
     return tuple(_grid(problem, places, hull))
 
 
+def few_with(problem: Problem, others: Iterable[Instant], x: Array) -> list[Instant]:
+    """The first grid, and other instants where they are at ``x (n,)``, each once."""
+    both = [*few_instants(problem), *(frozen(instant, x) for instant in others)]
+    return list({(i.limit, i.segment, i.u, i.sweep, i.control, i.rows): i for i in both}.values())
+
+
 def uniform_instants(problem: Problem, per_segment: int) -> tuple[Instant, ...]:
     """``per_segment`` instants on every segment for every limit, ends included."""
     return tuple(_grid(problem, lambda k, limit: _even(per_segment)))
