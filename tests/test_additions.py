@@ -47,6 +47,7 @@ def _speeds(moved: ot.Trajectory, robot: ot.Robot) -> np.ndarray:
     return np.asarray((np.diff(place, axis=0) ** 2).sum(axis=1) / np.diff(t) ** 2)
 
 
+@pytest.mark.slow
 def test_a_limit_of_ones_own_is_proved_and_shapes_the_motion() -> None:
     plain = _load()
     free = ot.solve(plain)
@@ -63,6 +64,7 @@ def test_a_limit_of_ones_own_is_proved_and_shapes_the_motion() -> None:
     assert not ot.audit(free.trajectory, problem.requirements).proved
 
 
+@pytest.mark.slow
 def test_an_addition_holds_at_every_level() -> None:
     problem = ot.with_limit(_load(kind="auto", finest=2), "torque", lambda s: s.tau[0], -12.0, 12.0, "N m")
     problem = ot.with_objective(problem, "heat", lambda s: casadi.sumsqr(s.tau / 100.0), "s", worst=9.0)
@@ -93,6 +95,7 @@ def test_efforts_and_poses_are_those_of_the_robot() -> None:
     assert limit.labels[0] == "row 1" and len(limit.labels) == 9
 
 
+@pytest.mark.slow
 def test_an_objective_of_ones_own_is_the_integral_that_it_says() -> None:
     plain = _load()
     problem = ot.with_objective(plain, "squares", lambda s: casadi.sumsqr(s.v), "rad2/s", worst=20.0)
@@ -105,6 +108,7 @@ def test_an_objective_of_ones_own_is_the_integral_that_it_says() -> None:
     assert len(front) == 3 and all(front.audit(i).proved for i in range(3))
 
 
+@pytest.mark.slow
 def test_a_file_of_it_is_not_audited_without_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     problem = ot.with_limit(_load(), "ceiling", _height, upper=2.0, unit="m")
     found = ot.solve(problem)
@@ -131,6 +135,7 @@ def test_a_file_of_an_importable_problem_is_audited_with_it(tmp_path: Path) -> N
     assert light.case.robot.payload.mass == 1.5 and "tool-speed" in light.requirements.ids
 
 
+@pytest.mark.slow
 def test_efforts_have_what_each_move_carries() -> None:
     first, *others = MOVE[0]["via"]
     moves = [{"via": [first, others[0]]}, {"goal": others[1], "payload": {"mass": 6.0}}]

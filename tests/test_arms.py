@@ -63,6 +63,7 @@ def test_a_gantry_of_prismatic_joints_is_proved(tmp_path: Path) -> None:
     assert proved(robot, {"urdf": str(file), "tool_frame": "lz"}, acceleration=2.0, jerk=20.0)
 
 
+@pytest.mark.slow
 def test_an_arm_of_rows_is_proved() -> None:
     body = {"mass": 2.0, "com": [-0.1, 0.0, 0.0], "inertia": [0.01, 0.02, 0.02]}
     rows = [{"d": 0.3, "alpha": np.pi / 2, **body}, {"a": 0.4, **body}, {"a": 0.3, **body}]

@@ -153,6 +153,7 @@ def test_verdict_of_the_whole_is_the_worst() -> None:
     assert (nothing.verdict, nothing.margin) == (UNDECIDED, math.inf) and "ask nothing" in nothing.explain()
 
 
+@pytest.mark.slow
 def test_trajectories_are_audited_together_as_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = problems.load("hybrid-spline")
     rng = np.random.default_rng(9)

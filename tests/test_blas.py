@@ -85,6 +85,7 @@ def test_the_last_of_several_threads_puts_back_what_the_first_found() -> None:
         assert blas_threads() == before
 
 
+@pytest.mark.slow
 def test_ipopt_gives_the_same_bytes_whatever_the_number_of_threads() -> None:
     nlp, found = dense_nlp(), []
     for count in (1, 2):

@@ -184,6 +184,7 @@ def on_triangles(rng: np.random.Generator, triangles: np.ndarray, count: int) ->
     return np.asarray(np.einsum("nk,nkj->nj", weights, triangles[rng.integers(len(triangles), size=count)]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cylinders", [False, True])
 def test_capsules_enclose_the_triangles_and_not_the_corners_alone(cylinders: bool) -> None:
     for seed in range(4):

@@ -110,6 +110,7 @@ def test_bounds_of_boxes_are_below_every_time_in_them(seed: int) -> None:
                 assert max(time, (0.05 * (1.0 + z.sum()) / np.append(1.0, z)).max()) >= bound * (1.0 - 1e-12)
 
 
+@pytest.mark.slow
 def test_the_lagrangian_claims_nothing_beyond_the_times_it_was_bounded_over() -> None:
     """Bounded over times up to 70 % of the shortest there are, it is larger than they are all over some boxes."""
     problem = small_problem(0, position=0.5)
@@ -145,6 +146,7 @@ def test_a_slow_solution_is_not_certified_and_a_better_point_is_named() -> None:
     assert better is not None and better.sum() < slow.x.sum()
 
 
+@pytest.mark.slow
 def test_a_solution_that_is_only_local_is_replaced_by_the_global_one() -> None:
     """From a poor point the search finds what exchange does from a good one."""
     problem = small_problem(3, position=0.5)
@@ -155,6 +157,7 @@ def test_a_solution_that_is_only_local_is_replaced_by_the_global_one() -> None:
     assert improved.f == pytest.approx(direct.f, rel=2e-6)
 
 
+@pytest.mark.slow
 def test_bounds_on_durations_are_part_of_the_bound() -> None:
     problem = small_problem(1)
     free = BranchAndBound().solve(problem, TIME, np.ones(3))
@@ -166,6 +169,7 @@ def test_bounds_on_durations_are_part_of_the_bound() -> None:
     assert bounded.certificate.lower > free.f
 
 
+@pytest.mark.slow
 def test_limits_on_boxes_and_time_end_it_honestly() -> None:
     problem = problems.load("rotor-353")
     best = Exchange().solve(problem, TIME, np.array([0.5, 1.0, 0.5]))

@@ -98,6 +98,7 @@ def test_legs_join_and_end_at_cuts_and_corners_are_where_the_path_bends() -> Non
     assert legs[0].window == (0.0, 0.25) and legs[1].window == (0.25, 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "free_turn"), list(product(("ur5", "panda"), (False, True))))
 def test_postures_that_a_search_ends_in_have_the_pose(
     name: str, free_turn: bool, request: pytest.FixtureRequest

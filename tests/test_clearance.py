@@ -262,6 +262,7 @@ def test_a_constraint_is_refused_in_one_line() -> None:
 # --- random motions ---
 
 
+@pytest.mark.slow
 def test_no_scan_contradicts_a_proof_and_no_violation_is_none() -> None:
     found = clearance_fuzz.main(24, 1)
     assert not found.faults

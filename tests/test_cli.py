@@ -69,6 +69,7 @@ def test_show_names_every_limit_with_bounds_unit_and_equation(call: Call) -> Non
     assert "7.25" in table and "jerk-limit" in table
 
 
+@pytest.mark.slow
 def test_solve_prints_writes_and_proves(call: Call, tmp_path: Path) -> None:
     target, picture = tmp_path / "fast.json", tmp_path / "fast.png"
     code, out, err = call("solve", "hybrid-spline", "--json", "-o", target, "--plot", picture)
@@ -89,6 +90,7 @@ def test_solve_prints_writes_and_proves(call: Call, tmp_path: Path) -> None:
 SUM = (("time", 0.6, 1.0), ("energy", 0.2, 1000.0), ("jerk", 0.1, 10.0), ("acceleration", 0.1, 1.0))  # (112)
 
 
+@pytest.mark.slow
 def test_case_fields_and_weights_change_the_problem(call: Call) -> None:
     weighted = json.loads(call("solve", "hybrid-spline", "--set", "weights=0.6,0.2,0.1,0.1", "--json")[1])
     summed = json.loads(
@@ -103,11 +105,13 @@ def test_case_fields_and_weights_change_the_problem(call: Call) -> None:
     assert weighted["objectives"]["time"] < 4.98  # more weight on time than the paper's 0.3 gives
 
 
+@pytest.mark.slow
 def test_same_seed_same_answer(call: Call) -> None:
     answers = [json.loads(call("solve", "hybrid-spline", "--seed", "5", "--json")[1]) for _ in range(2)]
     assert answers[0]["variables"] == answers[1]["variables"]
 
 
+@pytest.mark.slow
 def test_payload_for_every_time_law_and_along_a_trajectory(call: Call, saved: Path, tmp_path: Path) -> None:
     code, out, _ = call("payload", "hybrid-spline", "--json")
     found = json.loads(out)
@@ -167,6 +171,7 @@ def test_pareto_writes_a_run_and_never_overwrites_it(call: Call, tmp_path: Path)
     assert json.loads((folder / "run.json").read_text())["method"] == "nsga2"
 
 
+@pytest.mark.slow
 def test_nsga2_front_is_proved_and_non_dominated(call: Call, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     code, out, _ = call(
@@ -195,6 +200,7 @@ def test_options_reach_the_method_by_their_types(call: Call, tmp_path: Path) -> 
 HEAVY = ("casadi", "pinocchio", "scipy", "pandas", "pymoo", "matplotlib")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "imported"),
     [
@@ -368,6 +374,7 @@ def test_every_command_has_help_with_an_example(call: Call) -> None:
         assert "--json" in out
 
 
+@pytest.mark.slow
 def test_the_module_runs_as_a_program(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
     line = [sys.executable, "-m", "ocp_traj", "show", "nothing"]

@@ -115,6 +115,7 @@ def pressed(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[int], None]]:
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.mark.slow
 def test_solve_shows_and_writes_the_best_so_far(
     pressed: Callable[[int], None], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -139,6 +140,7 @@ def test_without_a_result_it_says_so(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_pareto_writes_the_front_so_far(
     pressed: Callable[[int], None], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

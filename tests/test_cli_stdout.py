@@ -25,6 +25,7 @@ def test_without_a_command_the_help_is_printed_as_it_is(capfd: pytest.CaptureFix
     assert "\n  solve " in shown.out and shown.out.startswith("Usage: ocp-traj")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_a_full_disk_is_one_line() -> None:
     with open("/dev/full", "w") as full:

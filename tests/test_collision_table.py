@@ -162,6 +162,7 @@ def test_the_command_refuses_it_with_exit_code_2(tmp_path: Path, capsys: pytest.
     assert capsys.readouterr().err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_millimetres_and_degrees_are_the_same_cell(tmp_path: Path) -> None:
     box = '\n[[collision.obstacle]]\nname = "crate"\nbox = {{ centre = {}, size = {}, rpy = {} }}\n'
     plain = CELL + box.format([0.45, -0.55, 0.05], [0.2, 0.2, 0.1], [0.0, 0.0, 0.3])
@@ -186,6 +187,7 @@ def test_millimetres_and_degrees_are_the_same_cell(tmp_path: Path) -> None:
             np.testing.assert_allclose(one[key], two[key], rtol=1e-13, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_a_resolved_cell_is_plain_data_that_makes_it_again(tmp_path: Path) -> None:
     (tmp_path / "cell.toml").write_text(CELL)
     problem = ot.problems.load("task", file=str(tmp_path / "cell.toml"))

@@ -63,6 +63,7 @@ def test_a_degree_that_is_named_holds_at_random_points() -> None:
     assert named > 10
 
 
+@pytest.mark.slow
 def test_objectives_of_the_problems_scale_as_it_says() -> None:
     problem = problems.load("rotor-353")
     assert path_is_of_ratios(problem) and is_total_time(problem, "time")

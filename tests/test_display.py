@@ -30,6 +30,7 @@ def solution() -> ot.Solution:
     return ot.solve(quintic_problem(), objective="time", starts=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("id", problems.names())
 def test_a_problem_shows_in_a_few_lines_and_as_tables(id: str) -> None:
     problem = problems.load(id)

@@ -38,6 +38,7 @@ def test_what_a_time_has_to_give_is_what_the_shortest_motion_takes_beyond_it() -
     assert held == {"acceleration-limit", "jerk-limit"}  # those that the shortest motion rests on
 
 
+@pytest.mark.slow
 def test_the_limit_that_a_payload_breaks_between_the_ends_is_named() -> None:
     solution = ot.solve(_task(**{"move.0.via": STRETCHED, "robot.payload.mass": 14.0}))
     assert solution.status is Status.LOCALLY_INFEASIBLE
@@ -73,6 +74,7 @@ def test_one_amount_serves_all_rows_of_a_limit_and_its_bounds_on_variables() -> 
     assert np.abs(np.array(jacobian - exact)).max() <= 1e-14
 
 
+@pytest.mark.slow
 def test_what_given_points_break_is_certain() -> None:
     inner = [list(row) for row in STRETCHED]
     inner[1][2] = 7.0

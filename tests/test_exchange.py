@@ -201,6 +201,7 @@ def test_without_repair_one_round_ends_unproved(hybrid: Problem) -> None:
     assert solution.objectives["time"] < FASTEST
 
 
+@pytest.mark.slow
 def test_exchange_repeats_itself_bit_by_bit(fastest: Solution) -> None:
     again = solve(problems.load("hybrid-spline"), TIME)
     assert_array_equal(again.x, fastest.x)
@@ -252,6 +253,7 @@ def test_least_cost_does_not_depend_on_the_start(hybrid: Problem, seed: int) -> 
     assert solution.f == pytest.approx(CHEAPEST, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_least_cost_in_the_papers_convention_beats_the_papers_own() -> None:
     """Table 9: NSGA-II 3.093, fmincon 3.220 on the average."""
     problem = problems.load("hybrid-spline", convention="paper-literal")

@@ -57,6 +57,7 @@ def test_a_message_has_nanoseconds_efforts_and_other_names(fast: Trajectory, tmp
     assert np.abs([point["effort"][1] for point in message["points"]]).max() > 10.0  # [N m]: the arm is heavy
 
 
+@pytest.mark.slow
 def test_points_have_what_the_interpolation_takes(fast: Trajectory, tmp_path: Path) -> None:
     for interpolation, fields in (("linear", 2), ("cubic", 3), ("quintic", 4)):
         written = export(fast, "ros", tmp_path / "t.json", interpolation=interpolation)
@@ -68,6 +69,7 @@ def test_points_have_what_the_interpolation_takes(fast: Trajectory, tmp_path: Pa
             assert Trajectory.load(written).curve.degrees == (3,) * 7
 
 
+@pytest.mark.slow
 def test_at_a_rate_the_excess_stands_in_the_file_and_the_exit_code_is_1(fast: Trajectory, tmp_path: Path) -> None:
     source, target = fast.save(tmp_path / "t.json"), tmp_path / "o.csv"
     assert run_command(["export", str(source), "--format", "csv", "--rate", "100", "-o", str(target)]) == 1
@@ -79,6 +81,7 @@ def test_at_a_rate_the_excess_stands_in_the_file_and_the_exit_code_is_1(fast: Tr
     assert run_command(["export", str(source), "--format", "ros", "-o", str(tmp_path / "o.yaml")]) == 0
 
 
+@pytest.mark.slow
 def test_a_bpoly_is_scipys_and_is_read_back_with_the_same_verdict(fast: Trajectory, tmp_path: Path) -> None:
     rotor = problems.load("rotor-353")  # of degrees 3, 5, 3
     for problem, trajectory in ((build(), fast), (rotor, trajectory_of(rotor, np.full(rotor.size, 1.0)))):
@@ -173,6 +176,7 @@ def test_many_points_are_split_into_files_that_the_first_calls(
     assert stops == [0, 0, 0, 1]  # the arm stops at the end only
 
 
+@pytest.mark.slow
 def test_joint_3_is_shown_from_the_ground(fast: Trajectory, tmp_path: Path) -> None:
     assert fast.origin is not None
     robot = fast.origin.robot

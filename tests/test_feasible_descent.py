@@ -70,6 +70,7 @@ def test_a_polyline_with_stops_is_straight_at_rest_at_corners_and_as_quick_as_it
     assert with_stops(points, reach, rows, 2) is None
 
 
+@pytest.mark.slow
 def test_a_planned_start_is_proved_and_a_descent_leads_to_a_better_one_that_is(
     problem: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -99,6 +99,7 @@ def test_the_gap_is_the_hypervolume_between_the_staircases() -> None:
     assert certificate.gap == pytest.approx(1.0 - volumes["attained"] / volumes["bound"], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_front_that_is_worse_shows_what_it_lacks() -> None:
     """Its gap is larger by the share of the hypervolume that it has less."""
     front = certified(2)
@@ -114,6 +115,7 @@ def test_a_front_that_is_worse_shows_what_it_lacks() -> None:
     assert again.gap == pytest.approx(expected, abs=0.01)
 
 
+@pytest.mark.slow
 def test_objectives_may_come_the_other_way_round_and_grow_otherwise_than_time() -> None:
     problem, xs = shapes(2)
     both = []
@@ -130,6 +132,7 @@ def test_objectives_may_come_the_other_way_round_and_grow_otherwise_than_time() 
     assert plain is not None and both[0].gap < plain.gap + 0.15 and both[1].gap < 0.3
 
 
+@pytest.mark.slow
 def test_curves_of_boxes_are_below_every_motion_in_them() -> None:
     problem = strangers_problem(1)
     rows = FrontRows(problem, ("time", "acceleration"))
@@ -190,6 +193,7 @@ def test_objectives_that_both_grow_and_those_of_no_degree_are_refused() -> None:
         FrontCertifier(tolerance=2.0)
 
 
+@pytest.mark.slow
 def test_a_run_folder_holds_both_staircases_and_the_picture_shades_between(tmp_path: Path) -> None:
     front = certified(2)
     certificate = front.certificate
@@ -216,6 +220,7 @@ def test_a_front_of_30_points_is_certified(tmp_path: Path, capsys: pytest.Captur
     assert read_json(tmp_path / "run" / "run.json", "run")["certify"] is True
 
 
+@pytest.mark.slow
 def test_the_command_refuses_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = "pareto rotor-353 --objectives time,effort --certify -o"
     assert run_command([*arguments.split(), str(tmp_path / "run")]) == 2

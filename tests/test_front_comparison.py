@@ -132,6 +132,7 @@ def test_the_picture_has_every_front(problem: Problem, monkeypatch: pytest.Monke
     assert shown == {"first": [[1.0, 3.0], [2.0, 2.0]], "second": [[3.0, 1.0]]}
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from ocp_traj import problems
 

@@ -164,6 +164,7 @@ def test_points_of_three_objectives_dominate_most_of_what_all_trajectories_do(su
     assert ours > 0.9 * all_of_them
 
 
+@pytest.mark.slow
 def test_a_front_of_three_objectives_repeats_itself_bit_by_bit(surface: ParetoSet) -> None:
     again = FrontTracer(points=18).pareto(stairs_problem(), THREE)
     assert_array_equal(again.xs, surface.xs)
@@ -183,6 +184,7 @@ def test_an_objective_that_all_ends_share_is_kept_and_not_traded() -> None:
     assert not dominated(values(narrow, found, THREE)).any()
 
 
+@pytest.mark.slow
 def test_three_objectives_that_do_not_conflict_have_one_best_point() -> None:
     problem = replace(quintic_problem(), reference_point={})
     twice = replace(problem.objective("speed"), id="twice", scale=2.0)
@@ -192,6 +194,7 @@ def test_three_objectives_that_do_not_conflict_have_one_best_point() -> None:
     assert len(found.xs) == 1 and found.info["conflict"] is False
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_the_points_of_three_objectives_that_there_are() -> None:
     def stop(done: int, total: int, words: str) -> None:
         if "dilations" in words:  # the first wave between the ends has come in
@@ -213,6 +216,7 @@ class _Aimless(Exchange):
         return found
 
 
+@pytest.mark.slow
 def test_targets_that_are_not_reached_are_given_up_and_the_rays_of_the_ends_stay() -> None:
     found = FrontTracer(points=6, solver=_Aimless()).pareto(stairs_problem(), THREE)
     assert found.info["failed"] >= 6
@@ -220,6 +224,7 @@ def test_targets_that_are_not_reached_are_given_up_and_the_rays_of_the_ends_stay
     assert all(proved(stairs_problem(), found))
 
 
+@pytest.mark.slow
 def test_points_of_three_objectives_lie_within_the_reference_box() -> None:
     """A box that cuts the stairs' front: some targets beside it are out of reach."""
     problem = stairs_problem()
@@ -392,6 +397,7 @@ def test_three_objectives_of_the_hybrid_robot_dominate_most_of_their_box(hybrid:
 # --- stopped early ---
 
 
+@pytest.mark.slow
 def test_a_front_whose_time_is_over_before_any_solve_has_what_its_starting_points_give() -> None:
     problem = problems.load("weld-bezier", case="air-move")
     found = FrontTracer(max_seconds=1e-9).pareto(problem, ["air_time", "dynamic_effort"])
@@ -401,6 +407,7 @@ def test_a_front_whose_time_is_over_before_any_solve_has_what_its_starting_point
     assert not dominated(values(problem, found, ["air_time", "dynamic_effort"])).any()
 
 
+@pytest.mark.slow
 def test_a_stopped_front_keeps_its_solved_points() -> None:
     solved: list[str] = []
 

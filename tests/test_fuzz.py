@@ -13,6 +13,7 @@ def test_what_is_proved_of_mutated_files_holds_and_nothing_ends_in_a_traceback()
     assert found.audited >= 10 and found.outcomes[fuzz.PROVED] >= 4 and found.outcomes[fuzz.REFUSED] >= 4
 
 
+@pytest.mark.slow
 def test_proofs_that_are_false_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """An audit that calls everything proved."""
     monkeypatch.setattr(Audit, "proved", True)
@@ -20,6 +21,7 @@ def test_proofs_that_are_false_are_found(monkeypatch: pytest.MonkeyPatch) -> Non
     assert any("FALSE PROOF" in fault for fault in found.faults)
 
 
+@pytest.mark.slow
 def test_a_mutant_follows_from_seed_and_index() -> None:
     said: list[str] = []
     for _ in range(2):

@@ -178,6 +178,7 @@ def test_well_spaced_points_hold_the_ends_and_are_evenly_apart() -> None:
     assert_array_equal(well_spaced(f, 41), np.arange(41))
 
 
+@pytest.mark.slow
 def test_refinement_worsens_no_point_and_betters_slow_ones(hybrid: Problem, fastest: Solution) -> None:
     """A dilated time-optimum is far from the front: there is something to be had in both objectives."""
     assert hybrid.dilate is not None
@@ -275,6 +276,7 @@ def test_it_says_that_not_all_of_the_genetic_front_was_refined(front: Front) -> 
     assert words in list(sheets.front_remarks(front))
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_points_bit_by_bit_and_another_seed_others() -> None:
     def points(seed: int) -> np.ndarray:
         found = HMOGA(seed, points=4, population=20, generations=8).pareto(stairs_problem(), ["first", "second"])
@@ -285,6 +287,7 @@ def test_the_same_seed_gives_the_same_points_bit_by_bit_and_another_seed_others(
     assert not np.array_equal(one[:20], other[:20])
 
 
+@pytest.mark.slow
 def test_three_objectives_and_one_to_be_maximised() -> None:
     stairs = ot.pareto(
         stairs_problem(), ["time", "first", "second"], method="hmoga", points=4, population=20, generations=5
@@ -333,6 +336,7 @@ def test_ctrl_c_keeps_what_there_is_at_every_stage() -> None:
         assert len(Front.of(problem, ["time", "effort"], found.xs, method="", seed=None, seconds=0.0)) > 2
 
 
+@pytest.mark.slow
 def test_a_budget_ends_it() -> None:
     front = ot.pareto(quintic_problem(), ["time", "effort"], method="hmoga", generations=10**6, budget=2.0)
     assert front.seconds < 20.0
@@ -340,6 +344,7 @@ def test_a_budget_ends_it() -> None:
     assert len(front) > 2
 
 
+@pytest.mark.slow
 def test_where_nothing_is_feasible_it_says_so() -> None:
     with pytest.raises(NoSolutionFound, match="quintic"):
         HMOGA(0).pareto(quintic_problem(Quintic(velocity=1e-3)), ["time", "effort"])

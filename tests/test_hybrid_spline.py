@@ -49,6 +49,7 @@ def test_row_6_as_printed_would_be_off_by_3_mm() -> None:
     assert ours - 223.38 == pytest.approx(3.0, abs=0.005)
 
 
+@pytest.mark.slow
 def test_inverse_kinematics_undoes_forward_kinematics() -> None:
     """FK(IK(p, a)) = (p, a) to rounding over 2 000 reachable poses, by the robot's own FK and by pinocchio's."""
     rng = np.random.default_rng(0)
@@ -254,6 +255,7 @@ def test_constants_of_the_module_are_table_1_and_table_4() -> None:
         assert inertia == ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
 
 
+@pytest.mark.slow
 def test_table_7_respects_every_limit_and_carries_11_88_kg() -> None:
     """Along Table 7 the largest payload is 11.88 kg: half a unit of the last digit either way."""
     for payload, carried in ((10.0, True), (11.875, True), (11.885, False)):

@@ -216,6 +216,7 @@ def test_a_limit_that_is_broken_is_caught(
     assert limit in broken(excesses(data))
 
 
+@pytest.mark.slow
 def test_every_limit_is_broken_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the seam's tags one stands for all."""
     monkeypatch.setattr(motion, "GRID", 1)

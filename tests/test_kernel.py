@@ -44,6 +44,7 @@ def test_squares_have_the_derivatives_of_their_sum(problem: ot.Problem, name: st
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-11 * np.abs(other).max())
 
 
+@pytest.mark.slow
 def test_few_nodes_are_enough_where_there_are_many_pieces(problem: ot.Problem) -> None:
     curve = ot.solve(problem).trajectory.curve
     legs = (range(curve.segments),)

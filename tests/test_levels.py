@@ -35,6 +35,7 @@ def test_more_pieces_are_solved_from_fewer_until_little_is_gained(robot: ot.Robo
     assert found.trajectory.audit().proved and found.x.shape == (found.trajectory.origin.size,)
 
 
+@pytest.mark.slow
 def test_a_number_of_pieces_is_kept(robot: ot.Robot) -> None:
     problem = refined(robot, wander(6), 6)
     assert [_pieces(p, 5) for p in levels_to(problem)] == [1, 3, 6]
@@ -43,6 +44,7 @@ def test_a_number_of_pieces_is_kept(robot: ot.Robot) -> None:
     assert found.trajectory.origin is problem and found.f == pytest.approx(2.4, abs=2e-4)
 
 
+@pytest.mark.slow
 def test_one_piece_is_solved_with_limits_at_control_points_first(robot: ot.Robot) -> None:
     before, problem = levels_to(refined(robot, wander(6), 1))
     assert before.tuning.hull_rows and not problem.tuning.hull_rows and before.size == problem.size
@@ -79,6 +81,7 @@ def test_a_level_is_begun_anew_where_the_coarser_does_not_lead_on(robot: ot.Robo
     assert found.audit is not None and found.audit.proved and found.f == pytest.approx(ot.solve(fine).f, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_random_move_takes_hardly_longer_than_bounded_jerk_asks_for(robot: ot.Robot, seed: int) -> None:
     """The longest of the joints' own shortest times, which the others can follow, is the optimum."""

@@ -94,6 +94,7 @@ def test_gains_are_the_differences_of_solving_again() -> None:
         assert last.slope < (found.f - wide.f) / (0.01 * bound) < gain.slope
 
 
+@pytest.mark.slow
 def test_what_is_no_optimum_has_no_gains() -> None:
     problem = ot.problems.load("rotor-353")
     population = ot.solve(problem, objective="time", method="pso", certify=False, population=20, generations=3)
@@ -102,6 +103,7 @@ def test_what_is_no_optimum_has_no_gains() -> None:
     assert limit_gains(problem, WeightedSum({"time": 1.0}), stopped) == ()
 
 
+@pytest.mark.slow
 def test_gains_are_in_the_table_and_in_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["solve", str(EXAMPLES / "ur5-via.toml"), "--json"]) == 0
     gains = json.loads(capsys.readouterr().out)["gains"]

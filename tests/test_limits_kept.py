@@ -46,6 +46,7 @@ SOLUTIONS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "changes", "objective"), SOLUTIONS, ids=str)
 def test_a_solution_keeps_every_limit(name: str, changes: Changes, objective: str) -> None:
     solution = ot.solve(problems.load(name, **changes), objective=objective, starts=1, certify=False)

@@ -122,6 +122,7 @@ def test_what_was_slowed_down_is_what_descendants_inherit() -> None:
 # --- fronts ---
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("outer", OUTER)
 def test_every_outer_search_gives_the_same_proved_front_for_the_same_seed(outer: str) -> None:
     problem = quintic_problem()
@@ -134,6 +135,7 @@ def test_every_outer_search_gives_the_same_proved_front_for_the_same_seed(outer:
     assert one.info["moved"] and sum(one.info["shares of time"].values()) == pytest.approx(1.0, abs=0.2)
 
 
+@pytest.mark.slow
 def test_refined_individuals_are_alive_a_generation_later(hybrid: Problem) -> None:
     front = ot.pareto(hybrid, ["time", "energy"], method="memetic", seed=1, starts=1, **SMALL)
     lived = front.info["refined individuals"]
@@ -177,6 +179,7 @@ def test_ctrl_c_keeps_what_there_is() -> None:
     assert len(proved(quintic_problem(), PAIR, found)) > 2
 
 
+@pytest.mark.slow
 def test_where_nothing_is_feasible_and_what_makes_no_sense_is_refused() -> None:
     with pytest.raises(NoSolutionFound, match="quintic"):
         Memetic(0, **SMALL).pareto(quintic_problem(Quintic(velocity=1e-3)), PAIR)
@@ -189,6 +192,7 @@ def test_where_nothing_is_feasible_and_what_makes_no_sense_is_refused() -> None:
 # --- one objective ---
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [PSO(1, 8, 5), GA(1, 8, 5)], ids=["pso", "ga"])
 def test_a_refined_population_ends_in_the_optimum_proved(hybrid: Problem, method: PSO | GA) -> None:
     scalar = WeightedSum({"time": 1.0})

@@ -53,6 +53,7 @@ def message(times: bool, velocities: bool) -> str:
     return json.dumps({"joint_names": NAMES, "points": points})
 
 
+@pytest.mark.slow
 def test_a_trajectorys_own_curve_is_the_geometry_to_the_last_bit(tmp_path: Path) -> None:
     given = motion(tmp_path)
     problem = task(tmp_path, "motion.json")
@@ -103,6 +104,7 @@ def test_a_table_of_samples_is_a_motion(tmp_path: Path) -> None:
     np.testing.assert_allclose(path.curve.at(1, 0.0, 1), 0.5 * POINTS[1:2], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_limit_on_snap_takes_a_spline_of_degree_five(tmp_path: Path) -> None:
     shutil.copy(EXAMPLES / "ur5-path.csv", tmp_path)
     path = path_of(task(tmp_path, "ur5-path.csv", ("jerk = 60.0", "jerk = 60.0\nsnap = 2000.0")))

@@ -130,6 +130,7 @@ def test_exported_efforts_are_with_what_each_move_carries(problem: Problem, tmp_
         assert np.abs(np.array(point["effort"]) - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
+@pytest.mark.slow
 def test_it_is_shown_what_each_move_carries_where_that_differs(problem: Problem) -> None:
     place = "centred at (0, 0, 0) m in the tool frame"
     assert problem.about.notes == (
@@ -143,6 +144,7 @@ def test_it_is_shown_what_each_move_carries_where_that_differs(problem: Problem)
     assert _task(move=_moves(payload=None)).about.notes == () == _task(move=_moves(payload={"mass": 0.5})).about.notes
 
 
+@pytest.mark.slow
 def test_payloads_of_one_place_or_of_moves_alone(tmp_path: Path) -> None:
     same = _task(move=_moves(payload={"mass": 2.0}))  # centre and inertia alike: numbers, and only the mass differs
     x = same.guess(np.random.default_rng(0))

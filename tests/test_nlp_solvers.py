@@ -23,6 +23,7 @@ from tests.test_imports import modules
 COST = WeightedSum({"cost": 1.0})
 
 
+@pytest.mark.slow
 def test_another_solver_ends_at_the_optimum_that_ipopt_ends_at(hybrid: Problem) -> None:
     nlp = transcribe(hybrid, WeightedSum({"time": 1.0}), few_instants(hybrid))
     start = hybrid.guess(np.random.default_rng(0))
@@ -35,6 +36,7 @@ def test_another_solver_ends_at_the_optimum_that_ipopt_ends_at(hybrid: Problem) 
     assert active == {row for row, multiplier in other.multipliers.items() if abs(multiplier) > 1e-3} != set()
 
 
+@pytest.mark.slow
 def test_exchange_proves_what_another_solver_finds(hybrid: Problem) -> None:
     solution = Multistart(Exchange(solver=Fatrop()), starts=2).solve(hybrid, COST)
     assert solution.audit is not None and solution.audit.proved and "FATROP" in solution.detail

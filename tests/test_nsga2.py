@@ -57,6 +57,7 @@ def test_the_front_is_feasible_at_its_samples_within_bounds_and_mutually_non_dom
     assert len(f) >= 5
 
 
+@pytest.mark.slow
 def test_the_front_of_the_quintic_reaches_its_ends() -> None:
     """At 5 instants the acceleration's largest is 5.625 D/T^2, at u = 1/4: T >= sqrt(5.625 D/A), short of the truth.
 
@@ -105,6 +106,7 @@ def test_a_zero_duration_cannot_reach_the_front() -> None:
     assert out["G"].tolist() == [[WORST]]
 
 
+@pytest.mark.slow
 def test_the_seed_decides_evolution_as_well_as_the_first_generation(hybrid: Problem) -> None:
     rng = np.random.default_rng(0)
     points = [hybrid.guess(rng) for _ in range(20)]

@@ -45,6 +45,7 @@ def with_rule(problem: Problem, points: int) -> Problem:
     return replace(problem, objectives=objectives)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "case", "errors"),
     [
@@ -71,6 +72,7 @@ def test_the_papers_trapezoid_is_percents_off() -> None:
     assert share == pytest.approx(2629.785 / 2695.441, rel=1e-6)  # along Table 7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["cubic", "quintic"])
 def test_the_error_told_of_a_rule_is_what_it_is_off_by(kind: str) -> None:
     problem = problems.load("task", file=str(EXAMPLES / "ur5-via.toml"), **{"curve.kind": kind})

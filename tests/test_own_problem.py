@@ -88,6 +88,7 @@ def fifth(monkeypatch: pytest.MonkeyPatch) -> None:
     ot.register("hand-movements", fifth_paper.build, fifth_paper.Case)
 
 
+@pytest.mark.slow
 def test_another_paper_is_one_file_and_one_line(fifth: None, tmp_path: Path, capsys: Any) -> None:
     assert ot.problems.names()[-1] == "hand-movements"
     assert run(["solve", "hand-movements", "--set", "goal=0.1,0.1", "-o", str(tmp_path / "t.json")]) == 0
@@ -185,6 +186,7 @@ def test_what_is_no_function_that_makes_a_problem_is_not_called(id: str, words: 
         ot.problems.load(id)
 
 
+@pytest.mark.slow
 def test_the_run_of_a_problem_that_no_id_finds_says_how_to_load_it(tmp_path: Path) -> None:
     problem = quintic_problem()
     folder = ot.save_run(ot.pareto(problem, ["time", "effort"], points=3), tmp_path / "run")

@@ -93,6 +93,7 @@ def _compiled(expression: Callable[[Any, Any], Any]) -> casadi.Function:
     return casadi.Function("d", [q, c], [value, slope, bend])
 
 
+@pytest.mark.slow
 def test_what_is_nearest_gives_value_and_slope_of_the_distance_everywhere() -> None:
     q, rows = _postures(160, 2)
     step, constants = 1e-5, _distances().constants(q, rows)

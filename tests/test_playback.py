@@ -95,6 +95,7 @@ def test_a_distance_is_bounded_by_control_points() -> None:
 # --- at knots ---
 
 
+@pytest.mark.slow
 def test_at_knots_a_motion_up_to_degree_five_is_proved_where_samples_exceed_its_jerk_limit(fast: Trajectory) -> None:
     sampled = played(fast, 199.0 / fast.duration)
     assert not sampled.proved and worst_jerk(sampled) > 80.0  # of 60
@@ -109,6 +110,7 @@ def test_at_knots_a_motion_up_to_degree_five_is_proved_where_samples_exceed_its_
     assert (np.diff(found.ticks) * 1e-9 >= fast.curve.durations - 1e-14).all()
 
 
+@pytest.mark.slow
 def test_quintics_of_many_pieces_with_torques_and_jerk_are_proved() -> None:
     problem = quintics(ur5(), np.array([START, GOAL]), 2)
     solution = ot.solve(problem, seed=0)
@@ -118,6 +120,7 @@ def test_quintics_of_many_pieces_with_torques_and_jerk_are_proved() -> None:
     assert found.duration >= solution.trajectory.duration
 
 
+@pytest.mark.slow
 def test_lines_and_cubics_are_told_what_they_break(fast: Trajectory) -> None:
     lines = played(fast, interpolation="linear")
     assert lines.verdict == "violated" and lines.jump is not None and lines.jump.limit == "continuity of v"
@@ -172,6 +175,7 @@ def test_samples_are_the_trajectory_at_whole_nanoseconds(fast: Trajectory, rate:
         np.testing.assert_allclose(rows, expected, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_finer_samples_deviate_less_and_state_their_own_excess(fast: Trajectory) -> None:
     found = [played(fast, rate) for rate in (25.0, 100.0, 400.0)]
     assert [f.deviation for f in found] == sorted((f.deviation for f in found), reverse=True)

@@ -128,6 +128,7 @@ def drawn_bounds(axes: Axes) -> list[float]:
     return sorted(float(np.asarray(x.get_ydata())[0]) for x in axes.lines if x.get_linestyle() == "--")
 
 
+@pytest.mark.slow
 def test_every_row_of_every_path_limit_has_an_axis(problem: Problem, figures: list[Figure], tmp_path: Path) -> None:
     trajectory = front_of(problem, ["time", "energy"]).trajectory(0)
     plot_trajectory(trajectory, problem.requirements, tmp_path / "t.png")
@@ -210,6 +211,7 @@ def test_no_limits_means_nothing_to_draw(tmp_path: Path) -> None:
 # --- files ---
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "start"), [("t.png", b"\x89PNG"), ("t.pdf", b"%PDF"), ("t.svg", b"<?xml"), ("T.PNG", b"\x89PNG")]
 )

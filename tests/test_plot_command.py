@@ -118,6 +118,7 @@ def test_histories_keep_their_objective_their_gaps_and_their_parts(tmp_path: Pat
     assert set(found["h, J1"]["objective"]) == {"time [s]"}
 
 
+@pytest.mark.slow
 def test_a_picture_has_the_same_bytes_and_the_one_style_whatever_the_users(tmp_path: Path) -> None:
     @styled
     def draw(name: str) -> bytes:

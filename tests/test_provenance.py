@@ -269,6 +269,7 @@ def test_a_motion_that_is_not_of_the_problem_has_no_variables(hybrid: Problem, c
     ]
 
 
+@pytest.mark.slow
 def test_the_payload_along_a_trajectory_is_written_into_all_its_parts(hybrid: Problem, cheapest: Solution) -> None:
     assert cheapest.trajectory is not None
     carried = along(hybrid, cheapest.trajectory, 100.0).trajectory

@@ -137,6 +137,7 @@ def far(x: Any) -> Any:
     return lambda s: (1e8 * s.p[0] + x(s)) - 1e8 * s.p[1]
 
 
+@pytest.mark.slow
 def test_verdicts_do_not_lean_on_rounded_values() -> None:
     """With values known to some 1e-8, what is 1e-9 off the limit is neither proved nor violated; 1e-6 is."""
     rng = np.random.default_rng(5)

@@ -209,6 +209,7 @@ def test_obstacles_of_the_wrist_are_in_metres() -> None:
 # --- page ---
 
 
+@pytest.mark.slow
 def test_a_page_of_forty_points_is_small_and_loads_nothing(run_folder: Path, tmp_path: Path) -> None:
     text = write_report([run_folder], tmp_path / "page.html").read_text(encoding="utf-8")
     assert len(text.encode()) <= MOST
@@ -251,6 +252,7 @@ def test_the_same_front_gives_the_same_bytes(gantry_front: Front) -> None:
     assert first == second
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_page(run_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target, file = tmp_path / "page.html", run_folder / "trajectories" / "000.json"
     assert run(["report", str(run_folder), str(file), "-o", str(target), "--json"]) == 0

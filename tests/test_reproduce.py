@@ -218,6 +218,7 @@ def test_tool_cannot_point_along_the_tangent() -> None:
     assert (o[:, 2] > 0.0).all() and (np.diff(p[:, 2]) < 0.0).all()
 
 
+@pytest.mark.slow
 def test_table_7_is_no_minimum(literal: Problem) -> None:
     sheet = Sheet()
     runs: list[Run] = []

@@ -33,6 +33,7 @@ def killed(whole: Path, folder: Path, kept: int, **changes: Any) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kept", [0, 1, 4, 7, 8])
 def test_a_killed_run_is_gone_on_with_to_the_same_bytes(
     whole: Path, tmp_path: Path, kept: int, capsys: pytest.CaptureFixture[str]
@@ -57,6 +58,7 @@ def test_a_finished_run_is_left_alone(whole: Path, capsys: pytest.CaptureFixture
     assert (whole / "journal.jsonl").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_what_is_left_of_a_budget_is_used(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = killed(whole, tmp_path / "run", 4, budget=600.0)
     assert run(["resume", str(folder)]) == 0
@@ -67,6 +69,7 @@ def test_what_is_left_of_a_budget_is_used(whole: Path, tmp_path: Path, capsys: p
     assert len(records(folder / "journal.jsonl")) == 4
 
 
+@pytest.mark.slow
 def test_other_versions_are_told_and_their_work_is_done_again(
     whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -128,6 +131,7 @@ minimise = "time"
 """
 
 
+@pytest.mark.slow
 def test_a_task_file_that_has_changed_is_refused_with_the_difference(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -79,6 +79,7 @@ def test_symbols_make_the_curve_that_numbers_make(path: JointPath, order: int) -
         assert np.allclose(np.array(casadi.Function("f", [symbol], [points])(x)), expected, rtol=0.0, atol=1e-15 * 50)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 3])
 def test_more_pieces_and_slower_motions_are_the_same_motion(path: JointPath, order: int) -> None:
     coarse, fine = law(path, order, 2), law(path, order, 6)
@@ -94,6 +95,7 @@ def test_more_pieces_and_slower_motions_are_the_same_motion(path: JointPath, ord
         assert np.abs(slower(t * slower.duration, m) * 1.7**m - expected).max() < 1e-10 * size
 
 
+@pytest.mark.slow
 def test_a_straight_line_is_driven_in_the_least_time() -> None:
     line = JointPath.through([[0.0] * 6, [1.0, 0.2, 0.0, 0.0, 0.0, -0.4]], arm().joints)
     found = ot.solve(retimed(arm(acceleration=4.0, velocity=1.5), line, 8), certify=False)
@@ -104,6 +106,7 @@ def test_a_straight_line_is_driven_in_the_least_time() -> None:
     assert free.f == pytest.approx(1.0, rel=1e-6)  # 2 sqrt(d / a): the switch is at a knot
 
 
+@pytest.mark.slow
 def test_a_path_is_driven_as_fast_as_toppra_does_and_proved(path: JointPath) -> None:
     found = ot.solve(retimed(arm(acceleration=8.0), path, 8), certify=False)
     assert found.audit is not None and found.audit.proved and found.trajectory is not None
@@ -128,6 +131,7 @@ def test_levels_lead_to_more_pieces(path: JointPath) -> None:
     assert found.f <= 1.01 * TOPPRA and "by levels" in found.detail
 
 
+@pytest.mark.slow
 def test_a_law_that_runs_back_breaks_the_forward_limit(path: JointPath) -> None:
     problem = retimed(arm(acceleration=8.0), path, 2)
     made = law(path, 2)
@@ -139,6 +143,7 @@ def test_a_law_that_runs_back_breaks_the_forward_limit(path: JointPath) -> None:
     assert [row.verdict for row in broken.rows if row.limit == FORWARD] == ["violated"]
 
 
+@pytest.mark.slow
 def test_a_motion_is_retimed_along_its_own_geometry() -> None:
     robot = arm(acceleration=8.0, jerk=60.0)
     slow = cubic_spline_free_ends(wander(5), np.full(6, 1.0))
@@ -185,12 +190,14 @@ def test_paths_that_cannot_be_timed_are_refused(points: object, limits: dict, mo
         retiming(made(points, robot.joints), robot.limits, **{"pieces": 2, **more})
 
 
+@pytest.mark.slow
 def test_a_limit_that_is_infinite_is_none() -> None:
     path = JointPath.through(wander(6), arm().joints)
     free, given = (retiming(path, arm(**more).limits) for more in ({}, {"snap": np.inf}))
     assert [v.id for v in free.variables] == [v.id for v in given.variables] == ["T", "s'"]
 
 
+@pytest.mark.slow
 def test_a_corner_needs_a_stop() -> None:
     corner = PiecewiseBezier([1.0, 1.0], (wander(3)[:2], wander(3)[1:]))
     with pytest.raises(InputError, match="acceleration is limited"):

@@ -201,6 +201,7 @@ SOLVES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("changes", "expected", "turn"), SOLVES, ids=str)
 def test_time_optimum_is_proved(changes: dict[str, object], expected: float, turn: float | None) -> None:
     problem = problems.load("rotor-353", **changes)
@@ -384,6 +385,7 @@ def test_jerk_falls_with_the_fifth_power_of_time(factor: float) -> None:
     assert after["time"] == pytest.approx(before["time"] * factor, rel=1e-14)
 
 
+@pytest.mark.slow
 def test_a_small_front_is_proved() -> None:
     front = ot.pareto(problems.load("rotor-353"), ["time", "jerk"], points=4)
     assert len(front) == 4 and {point.verdict for point in front.points} == {"proved"}

@@ -129,6 +129,7 @@ def test_errors_of_pieces_hold_for_many_noisy_seams(seed: int) -> None:
         assert found <= bound <= 1.03 * found + 2e-10
 
 
+@pytest.mark.slow
 def test_a_polyline_is_its_points_and_a_circle_comes_out_round(tmp_path: Path) -> None:
     angle = np.linspace(0.0, pi, 41)
     points = np.stack([0.2 * np.cos(angle), 0.2 * np.sin(angle), np.full(41, 0.5)], axis=1)

@@ -28,6 +28,7 @@ def fine() -> ot.Solution:
     return ot.solve(_load(kind="auto", finest=4))
 
 
+@pytest.mark.slow
 def test_what_is_optimal_stays_so_at_its_own_level(fine: ot.Solution, coarse: ot.Solution) -> None:
     again = ot.solve(_load(kind="auto", finest=4), start=fine.trajectory)
     assert again.audit is not None and again.audit.proved and again.starts == 1
@@ -35,6 +36,7 @@ def test_what_is_optimal_stays_so_at_its_own_level(fine: ot.Solution, coarse: ot
     assert again.x.size == fine.x.size > coarse.x.size
 
 
+@pytest.mark.slow
 def test_a_curve_of_few_pieces_starts_one_of_many(fine: ot.Solution, coarse: ot.Solution) -> None:
     found = ot.solve(_load(kind="quintic", pieces=4), start=coarse.trajectory)
     assert found.audit is not None and found.audit.proved
@@ -54,6 +56,7 @@ def test_cut_pieces_are_the_same_motion(dwells: dict[int, float]) -> None:
         np.testing.assert_allclose(again(t, order), curve(t, order), rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_it_begins_at_a_file_of_the_command_line_and_through_other_points(coarse: ot.Solution, tmp_path: Path) -> None:
     assert coarse.trajectory is not None
     file = coarse.trajectory.save(tmp_path / "t.json")
@@ -73,12 +76,14 @@ def test_it_begins_at_the_best_point_of_a_run(tmp_path: Path) -> None:
     assert found.f <= front.table["acceleration [s]"].min() * (1.0 + 1e-6)
 
 
+@pytest.mark.slow
 def test_a_published_problem_begins_at_its_own_trajectory(fastest: ot.Solution) -> None:
     problem = ot.problems.load("hybrid-spline", payload=8.5)
     found = ot.solve(problem, objective="time", start=fastest.trajectory)
     assert found.audit is not None and found.audit.proved and found.starts == 1
 
 
+@pytest.mark.slow
 def test_what_does_not_fit_is_refused_with_the_reason(
     fine: ot.Solution, coarse: ot.Solution, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -187,6 +187,7 @@ def test_a_front_that_cannot_be_saved_leaves_nothing_and_the_earlier_run(
     assert [path.name for path in small.parent.iterdir()] == ["first"]
 
 
+@pytest.mark.slow
 def test_a_run_that_finds_nothing_leaves_the_earlier_run(small: Path) -> None:
     before = {name: (small / name).read_bytes() for name in files(small)}
     slow = quintic_problem(Quintic(velocity=1e-3))
@@ -200,6 +201,7 @@ def test_a_run_that_finds_nothing_leaves_the_earlier_run(small: Path) -> None:
 # --- while it runs ---
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["trace", "nsga2", "mopso", "hmoga", "memetic"])
 def test_what_is_read_is_what_the_method_gave_to_the_last_bit(quintic: Problem, tmp_path: Path, method: str) -> None:
     options = {"points": 5} if method == "trace" else {"population": 16, "generations": 4}
@@ -211,6 +213,7 @@ def test_what_is_read_is_what_the_method_gave_to_the_last_bit(quintic: Problem, 
     assert (asked["method"], asked["options"], asked["keep_unproved"]) == (method, options, False)
 
 
+@pytest.mark.slow
 def test_at_every_moment_of_a_run_its_points_are_read_proved_and_drawn(quintic: Problem, tmp_path: Path) -> None:
     folder, seen = tmp_path / "run", []
 
@@ -234,6 +237,7 @@ def test_before_the_first_point_the_front_is_empty(quintic: Problem, tmp_path: P
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.slow
 def test_a_run_that_ends_early_keeps_what_was_found(quintic: Problem, tmp_path: Path) -> None:
     """An error in the middle, of a full disk for example; the torn line that it may leave does not count."""
     found: list[Any] = []
@@ -265,6 +269,7 @@ def test_a_population_is_mended_and_proved_when_it_is_read(quintic: Problem, tmp
     assert loaded.info["dropped"] == {"violated": 1, "undecided": 0, "dominated": 0}
 
 
+@pytest.mark.slow
 def test_of_alternatives_one_front_is_read_at_the_end_and_before(tmp_path: Path) -> None:
     """Slow moves from 1.875 s on, fast ones 1 % farther from 1.07 s: the front is of both."""
     fast, slow = quintic_problem(Quintic(distance=1.01)), quintic_problem(Quintic(velocity=1.0))
@@ -316,6 +321,7 @@ def test_killed_at_any_moment_nothing_reported_is_lost_and_the_folder_can_be_wri
 # --- of the version before ---
 
 
+@pytest.mark.slow
 def test_a_folder_without_a_journal_is_read_and_proved_anew(tmp_path: Path) -> None:
     """Written by the version before, as it is."""
     run = Path(shutil.copytree(Path(__file__).parent / "run_1", tmp_path / "run"))
@@ -449,6 +455,7 @@ def test_a_journal_that_does_not_fit_the_rest_is_refused(
         load_run(small, quintic)
 
 
+@pytest.mark.slow
 def test_no_verdict_is_believed_neither_by_load_run_nor_by_export(tmp_path: Path) -> None:
     """Table 7 under 12 kg breaks a force; table, journal and run.json say that it is proved."""
     problem = problems.load("hybrid-spline", payload=12.0)

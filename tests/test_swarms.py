@@ -87,6 +87,7 @@ def test_what_a_population_finds_is_proved_repeatable_and_no_better_than_the_opt
     assert (np.diff(best) <= 0.0).all() and found.history["evaluations"].is_monotonic_increasing
 
 
+@pytest.mark.slow
 def test_a_long_swarm_comes_within_a_thousandth_of_the_certified_optimum(rotor: Problem) -> None:
     found = PSO(schedule="repaired", generations=150).solve(rotor, TIME)
     assert found.objectives["time"] == pytest.approx(1.731362, rel=1e-3)
@@ -169,6 +170,7 @@ def test_parabolas_between_instants_come_closer_to_the_peaks(rotor: Problem) -> 
 # --- fronts ---
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variant", ["competitive", "crowding"])
 def test_a_swarm_s_front_is_proved_and_repeatable(variant: str, rotor: Problem) -> None:
     options = {"method": "mopso", "population": 24, "generations": 15, "variant": variant}
@@ -201,6 +203,7 @@ def options(*given: str) -> list[str]:
     return [word for text in given for word in ("--option", text)]
 
 
+@pytest.mark.slow
 def test_the_command_line_runs_a_swarm_and_draws_its_history(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     picture, table = tmp_path / "h.png", tmp_path / "h.csv"
     for target in (picture, table):
@@ -213,6 +216,7 @@ def test_the_command_line_runs_a_swarm_and_draws_its_history(tmp_path: Path, cap
     assert "--history is of a population" in capfd.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_papers_recipe_keeps_the_history_of_every_joint(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Each joint is a swarm of its own, and none of their histories is lost."""
     arguments = ["solve", "rotor-353", "--set", "timing=per_joint", "--set", "position_limits=false", "--method", "pso"]

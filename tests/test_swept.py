@@ -186,6 +186,7 @@ def arm() -> Problem:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_an_exchange_ends_with_the_whole_link_proved_clear() -> None:
     problem = arm()
     found = Exchange(first=few_instants(problem)).solve(

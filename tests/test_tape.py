@@ -67,6 +67,7 @@ def _random_expression(rng: np.random.Generator, leaves: list[Any], operations: 
     return pool
 
 
+@pytest.mark.slow
 def test_floats_equal_casadi_on_random_functions_sparse_and_dense() -> None:
     rng = np.random.default_rng(1)
     for trial in range(40):

@@ -61,6 +61,7 @@ def test_the_command_refuses_a_broken_file_with_exit_code_2(tmp_path: Path, caps
     assert capsys.readouterr().err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_degrees_are_radians(tmp_path: Path) -> None:
     problem = _load(tmp_path, VIA.replace("[robot]", 'units = { angle = "deg" }\n\n[robot]'))
     plain = ot.problems.load("task", file=str(EXAMPLES / "ur5-via.toml"))
@@ -109,6 +110,7 @@ def test_a_trajectorys_file_is_enough_to_prove_it_and_a_changed_one_is_seen(tmp_
         ot.Trajectory.load(file).audit()
 
 
+@pytest.mark.slow
 def test_a_move_of_two_points_stops_where_it_is_told_to(tmp_path: Path) -> None:
     text = (
         VIA[: VIA.index("[[move]]")].replace('"cubic"', '"quintic"')
@@ -151,6 +153,7 @@ def test_moves_of_different_tolerance_are_refused_and_a_tolerance_is_kept(tmp_pa
         _load(tmp_path, text + "\n[[move]]\ngoal = [0.0, -1.3, 1.4, -1.6, -1.5, 0.0]\n")
 
 
+@pytest.mark.slow
 def test_a_weighted_sum_is_what_is_minimised_by_default(tmp_path: Path) -> None:
     problem = _load(tmp_path, VIA.replace('minimise = "time"', "minimise = { time = 0.5, effort = 0.25 }"))
     found = ot.solve(problem)

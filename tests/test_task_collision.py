@@ -59,6 +59,7 @@ def _scanned(solution: ot.Solution, number: int) -> float:
     return min(pair.distance(curve_at(durations, points, t)) for t in times.tolist() for pair in pairs)
 
 
+@pytest.mark.slow
 def test_a_motion_past_an_obstacle_is_solved_and_proved() -> None:
     solution = _solution()
     assert solution.ok and solution.audit.proved
@@ -128,6 +129,7 @@ def test_derivatives_of_the_rows_are_those_of_their_values() -> None:
     np.testing.assert_allclose(bend, (slopes[:n] - slopes[n:]).T / (2.0 * step), atol=1e-4)
 
 
+@pytest.mark.slow
 def test_starts_go_around_and_are_the_same_from_the_same_seed() -> None:
     problem = _problem()
     (limit,) = problem.chosen_limits
@@ -166,6 +168,7 @@ def test_a_free_payload_and_the_clearance_are_both_parameters() -> None:
     assert problem.tighten_slacks(x).shape == x.shape and problem.dilate(x, 2.0)[-2] == x[-2]
 
 
+@pytest.mark.slow
 def test_links_that_are_left_out_are_told_with_every_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert not _problem().about.notes
     fields = _problem().case.fields()

@@ -121,6 +121,7 @@ def test_what_is_left_out_may_be_taken_in(table: str, key: str, value: str) -> N
     assert task_of(data).fields()
 
 
+@pytest.mark.slow
 def test_the_command_writes_it_and_it_solves_proved_and_exports(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -19,6 +19,7 @@ def _task(**changes: object) -> Problem:
     return ot.problems.load("task", file=str(EXAMPLE), **changes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["cubic", "quintic", "retime"])
 def test_the_time_of_a_freed_payload_is_the_curves(kind: str) -> None:
     problem = _task(**{"curve.kind": kind, "free_payload": True, **({"curve.pieces": 1} if kind == "retime" else {})})
@@ -64,6 +65,7 @@ def test_without_limits_on_effort_there_is_no_largest_payload() -> None:
         ot.payload(_task(**{"limits.effort": "none"}), max_time=4.0)
 
 
+@pytest.mark.slow
 def test_a_freed_payload_is_an_objective_and_weighs_against_the_others() -> None:
     with pytest.raises(InputError, match="payload_mass is one where free_payload = true"):
         _task(**{"objective.minimise": "payload_mass"})

@@ -96,6 +96,7 @@ def test_what_is_wrong_with_a_blend_is_told_in_one_line(moves: list[dict[str, An
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_poses_and_moves_are_rounded_alike_and_told() -> None:
     problem = _problem(LINES[0] | {"blend": RADIUS}, LINES[1] | {"blend": RADIUS}, LINES[2])
     ((first, move),) = route_of(problem.case, 6).tool_moves

@@ -30,6 +30,7 @@ def _problem(**objective: object) -> ot.Problem:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_they_are_the_integrals_of_the_tools_speed_and_of_the_square_of_its_derivative() -> None:
     problem = _problem()
     x = problem.guess(np.random.default_rng(3))
@@ -53,6 +54,7 @@ def test_they_are_the_integrals_of_the_tools_speed_and_of_the_square_of_its_deri
     assert length < found["tool_path_length"] < length + SMOOTHING * times[-1]
 
 
+@pytest.mark.slow
 def test_they_are_made_small() -> None:
     """The shortest way is not the quickest; nor is the even one, whose tangential acceleration is less."""
     quick = ot.solve(_problem())

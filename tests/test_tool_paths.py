@@ -180,6 +180,7 @@ def test_a_line_is_refined_by_levels_which_are_told(capsys: pytest.CaptureFixtur
     assert ot.Trajectory.load(tmp_path / "t.json").audit().proved
 
 
+@pytest.mark.slow
 def test_a_start_along_a_path_keeps_to_it_and_to_its_limits() -> None:
     problem = _task({"arc": {"via": (PLACE + [0.05, 0.1, -0.02]).tolist(), "to": (PLACE + [0.0, 0.2, -0.05]).tolist()}})
     curve = problem.curve(problem.guess(np.random.default_rng(0)))
@@ -192,6 +193,7 @@ def test_a_start_along_a_path_keeps_to_it_and_to_its_limits() -> None:
         assert (np.abs(curve(times, order)) <= 1.05 * problem.robot.limits.bounds(order)[1]).all()
 
 
+@pytest.mark.slow
 def test_moves_follow_one_another_and_the_first_of_poses_may_open_the_branch() -> None:
     pose = [*PLACE, 0.0, -0.7053, 0.7071, 0.05]
     moves = [
@@ -220,6 +222,7 @@ def route_legs(problem: ot.Problem) -> list[range]:
     return [range(i * pieces, (i + 1) * pieces) for i in range(legs)]
 
 
+@pytest.mark.slow
 def test_a_corner_is_refused_at_constant_speed_and_units_are_taken_off() -> None:
     pose = [0.0, -0.7053, 0.7071, 0.05]
     poses = [[*(PLACE + [0.0, 0.1, 0.0]), *pose], [*(PLACE + [0.0, 0.1, 0.1]), *pose]]
@@ -253,6 +256,7 @@ def _past(centre: np.ndarray, radius: float, **move: Any) -> ot.Problem:
     return _task({"line": {"by": [0.0, 0.3, 0.05]}} | move, collision=collision)
 
 
+@pytest.mark.slow
 def test_a_path_through_an_obstacle_is_refused_with_the_place_and_the_bodies() -> None:
     rotation, (place, *_) = ot.Robot.from_description("ur5", tool_frame="tool0").poses([START])
     middle = place + [0.0, 0.15, 0.025] + rotation[0] @ [0.0, 0.0, 0.03]  # of the flange, halfway

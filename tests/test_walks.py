@@ -125,6 +125,7 @@ def test_a_walk_keeps_what_nothing_dominates_and_no_more_than_its_population() -
     assert not any((a <= b).all() and (a < b).any() for a in walk.f for b in walk.f)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [NSGA2, MOPSO])
 def test_a_population_walks_along_a_tube_and_stays_in_it(method: type[NSGA2] | type[MOPSO]) -> None:
     """From (1, 0) both ways along the circle, all proved; the same seed gives the same points."""

@@ -187,6 +187,7 @@ def start_of(tmp_path: Path, start: str) -> tuple[Array, Array]:
     return PairDistances(limit.robot, pairs).least(q) - limit.clearance, q
 
 
+@pytest.mark.slow
 def test_starts_of_a_task_straight_planned_and_from_a_file(tmp_path: Path) -> None:
     straight, _ = start_of(tmp_path, '"straight"')
     assert straight.min() < -0.05  # through the wall
@@ -215,6 +216,7 @@ def test_a_wrong_start_is_one_line(tmp_path: Path, start: str, words: str) -> No
     assert words in str(caught.value) and "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_start_that_a_curve_does_not_take_is_refused(tmp_path: Path) -> None:
     text = TASK.replace('{ kind = "quintic", pieces = 8 }', '{ kind = "cubic" }')
     text = text.replace("0.0], [0.9", "0.0], [0.0, -1.8, 1.2, -1.0, -1.5, 0.0], [0.9")
@@ -227,6 +229,7 @@ def test_a_start_that_a_curve_does_not_take_is_refused(tmp_path: Path) -> None:
         load("task", file=str(tmp_path / "task.toml"))
 
 
+@pytest.mark.slow
 def test_a_stalled_solve_that_went_through_the_wall_begins_at_the_clear_start_again(tmp_path: Path) -> None:
     (tmp_path / "task.toml").write_text(TASK)
     problem, straight = (

@@ -115,6 +115,7 @@ def test_the_limits_up_to_snap_rule_a_move_from_rest_to_rest() -> None:
         assert exact <= found <= 1.03 * exact
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -134,6 +135,7 @@ def test_what_cannot_be_welded_is_refused_with_the_reason(changes: dict[str, obj
         problems.load("weld-bezier", **changes)
 
 
+@pytest.mark.slow
 def test_a_singular_tag_is_named_with_its_value(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(weld_start, "SINGULAR", 0.5)
     with pytest.raises(InputError, match=r"tag \d of 9 is singular: .* its Jacobian is 0\.\d+, 0\.5 or more is needed"):
@@ -178,6 +180,7 @@ def test_the_hybrid_keeps_the_ends_it_found_and_says_whether_more_came_of_them(
 # --- on the screen ---
 
 
+@pytest.mark.slow
 def test_hundreds_of_variables_stay_off_the_screen_but_not_out_of_the_json() -> None:
     problem = problems.load("weld-bezier", case="air-move")
     many = problems.load("weld-bezier")

@@ -152,6 +152,7 @@ def test_the_ends_of_a_front_are_begun_together() -> None:
     assert told[0] >= 2 and len(set(submitted[: told[0]])) == 2
 
 
+@pytest.mark.slow
 def test_what_is_begun_ahead_changes_no_bit_of_a_front_of_three_objectives() -> None:
     names = ["time", "first", "second"]
     one, ahead = (FrontTracer(points=8, workers=w).pareto(stairs_problem(), names) for w in (Workers(), Ahead()))
@@ -208,6 +209,7 @@ def wavy() -> Problem:
     return replace(problem, objectives=(*problem.objectives, wavy))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"all_optima": True}])
 def test_starts_begun_ahead_are_shared_and_given_up_as_one_after_the_other(options: dict[str, Any]) -> None:
     one, ahead = (
@@ -229,6 +231,7 @@ def test_runs_of_a_population_that_are_begun_ahead_change_nothing() -> None:
     assert one.history is not None and one.history.equals(ahead.history)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objectives", [["time", "effort"], ["time", "effort", "speed"]])
 def test_finished_work_is_answered_and_the_front_is_the_same(objectives: list[str]) -> None:
     """Half of the records are lost, as where a run was killed."""

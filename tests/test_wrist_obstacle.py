@@ -189,6 +189,7 @@ def test_both_branches_point_the_link_at_the_point() -> None:
             assert_allclose(tip((th1, th2, rng.uniform(-pi, pi))), point, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_limit_is_met_exactly_where_the_whole_link_is_clear() -> None:
     """Spheres within reach, by a cosine, and those whose far side the tip does not reach, by a sweep of the link."""
     rng = np.random.default_rng(2)
