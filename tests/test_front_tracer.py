@@ -449,5 +449,5 @@ def test_what_alternatives_leave_of_a_budget_goes_to_those_that_were_stopped() -
     runs = {name: partial(run, name) for name in ("slow", "quick")}
     found = _merged_front(quintic_problem(), runs, 100.0, compared=True)
     assert [(name, beside) for name, _, beside in asked] == [("slow", 0), ("quick", 3), ("slow", 3)]
-    assert asked[0][1] == pytest.approx(50.0, rel=0.1) and min(asked[1][1], asked[2][1]) > 90.0
+    assert asked[0][1] == pytest.approx(100.0 / 1.5, rel=0.1) and min(asked[1][1], asked[2][1]) > 90.0
     assert ENDED_AFTER not in found.info

@@ -196,8 +196,9 @@ def _merged_front(
 ) -> Front:
     """The front of all alternatives; ``info`` says what each has given.
 
-    Each gets an even share of what the ones before it have left of the budget, and knows their points where its method
-    compares itself with them. What is left in the end goes to those that were stopped, the one with most points first.
+    Each gets a share of what the ones before it have left of the budget: an even one, or, where its method compares
+    itself with their points, twice that of a later one. What is left in the end goes to those that were stopped, the
+    one with most points first.
     """
     fronts: dict[str, Front] = {}
     reasons: list[NoSolutionFound] = []
@@ -219,7 +220,9 @@ def _merged_front(
 
     for number, name in enumerate(runs):
         rest = left()
-        go(name, rest if rest is None else rest / (len(runs) - number))
+        after = len(runs) - number - 1
+        # Of those that are compared a later one often ends with its ends.
+        go(name, rest if rest is None else rest / (1 + (0.5 * after if compared else after)))
         if stop.interrupted:
             break
     stopped = [name for name, front in fronts.items() if ENDED_AFTER in front.info]
